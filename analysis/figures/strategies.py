@@ -86,7 +86,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         costs = {record.name: read_costs(record, options.axis) for record in study.records}
         _, budget = find_span(costs, options.axis, options.budget)
         read = partial(read_best_within, axis=options.axis, budget=budget)
-        about = [f"the designs are the best after {budget:g} {AXES[options.axis]}, not champions"]
+        about = [f"these are the best designs after {budget:g} {AXES[options.axis]}, not champions"]
     champions, near = study.gather(read), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
     # Other figures assign colours and letters in the same order, by run.

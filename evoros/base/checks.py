@@ -120,8 +120,8 @@ NOT_NEGATIVES = Rule(
     "a non-empty list of non-negative numbers",
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
-SCORE = Rule(  # small enough to prevent overflow of squares and sums
-    "a finite number of at most 1e100 in magnitude",
+SCORE = Rule(  # small enough that squares and sums do not overflow
+    "a finite number with a magnitude of at most 1e100",
     lambda v: is_number(v) and abs(float(v)) <= 1e100,
 )
 FLAG = Rule("true or false", lambda v: isinstance(v, bool))
@@ -215,7 +215,7 @@ def _missing_target(value: object) -> str:
     """Return how to fix a part configured without a class; empty if it has a class."""
     several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
     single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
-    fix = "add _target_, with the class that takes these keys as arguments"
+    fix = "add _target_ with the class that accepts these keys"
     return fix if value and (several or single) else ""
 
 

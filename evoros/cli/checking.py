@@ -167,10 +167,7 @@ def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
 
     def advise(test: str, why: str, needed: int) -> str:
         ends = f"{begin},{begin + needed}" if begin else f"{needed}"
-        return (
-            f"{test}, because {why}; it needs {needed} seeds per treatment; type "
-            f"'seed=range({ends})'"
-        )
+        return f"{test}, because {why}; for {needed} seeds per treatment, type 'seed=range({ends})'"
 
     known = f"{first}" if first == counts[0] else f"{counts[0]} to {first}"
     head = f"{len(seeds)} treatments with {known} seed{'s' * (known != '1')} each: evoros analyze"

@@ -180,7 +180,7 @@ def _describe(request: Request, chosen: Sequence[str], folder: Path) -> "tuple[O
         raise InputError(str(error).replace(_PLACEHOLDER, f"world.{own_name}.")) from error
     values["course"] = planned.course
     if not planned.is_level:
-        title += f" Its ground is not level, so it needs {UNEVEN}."
+        title += f" The ground is not level; use {UNEVEN}."
     simulator = LEVEL if planned.is_level else UNEVEN
     return OwnFile(request.group, own_name, title, values), simulator, planned.reason
 

@@ -16,8 +16,8 @@ from evoros.terminal.console import DONE, INPUT, CommandParser, print_result, re
 from evoros.terminal.log import warn_left_out
 
 NAME = "evoros status"
-ABOUT = """Show the state of all runs and evaluations below a folder; on a terminal, update it until
-all have ended."""
+ABOUT = """Show the state of all runs and evaluations below a folder; on a terminal, update
+the table until all have ended."""
 UPDATE_S = 2.0  # interval between updates
 
 

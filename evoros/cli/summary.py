@@ -207,7 +207,7 @@ def _describe_champion(certificate: Mapping[str, Any]) -> str:
 def _describe_fitness(certificate: Mapping[str, Any]) -> str:
     recorded, trials = certificate["recorded_fitness"], certificate["validated_trials"]
     if not trials:
-        return f"{recorded:.3f} on the draws that selected it; validation.trials adds fresh draws"
+        return f"{recorded:.3f} on the draws used for selection; validation.trials adds fresh draws"
     low, high = certificate["fitness_low"], certificate["fitness_high"]
     digits, interval, advice = 3, "", ""
     if low is not None:
@@ -215,8 +215,9 @@ def _describe_fitness(certificate: Mapping[str, Any]) -> str:
         percent = f"{100 * certificate['confidence']:g} %"
         interval = f" ({percent} interval {low:.{digits}f} to {high:.{digits}f})"
     return (
-        f"{certificate['validated_fitness']:.{digits}f} in {write_count(trials, 'fresh trial')}"
-        f"{interval}; {recorded:.{digits}f} on the draws that selected it{advice}"
+        f"{certificate['validated_fitness']:.{digits}f} in "
+        f"{write_count(trials, 'fresh trial')}{interval}; {recorded:.{digits}f} on the draws "
+        f"used for selection{advice}"
     )
 
 
@@ -266,9 +267,7 @@ def _describe_rivals(certificate: Mapping[str, Any]) -> str:
     if not rivals:
         return "none tested on the same draws; to test some, set validation.rivals"
     if advantage is None:
-        return (
-            f"{len(rivals)} tested on the same draws, but there is no interval to compare them with"
-        )
+        return f"{len(rivals)} tested on the same draws, but there is no interval for a comparison"
     better = [rival for rival in rivals if rival["low"] > certificate["fitness_high"]]
     if better:
         best = max(better, key=lambda rival: rival["low"])

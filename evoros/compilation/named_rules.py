@@ -49,7 +49,7 @@ class NamedRule:
                 known = ", ".join(name for name in self.arguments if name != UNUSED)
                 problem = f"must take only the arguments {known}, not {name}"
             elif kinds.get(name) is Nothing:
-                problem = f"has the argument {name}, but start() returns none"
+                problem = f"has the argument {name}, which start() does not return"
             if problem:
                 raise InputError(f"{name_rule(self.function)}: {problem}; correct the rule")
         named = {name: f"unpack({name}_kind, {name})" for name in ("parameters", "memory")}

@@ -221,7 +221,7 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
         is_part = first != OWN and _is_in(package, folders)
     if is_part or is_bundled:
         return ""
-    return f"{target} is not the class of a part; name such a class"
+    return f"{target} is not the class of a part; name the class of a part"
 
 
 def _is_in(module: str, folders: Sequence[Path]) -> bool:

@@ -161,7 +161,7 @@ def name_owners(group: str, name: str) -> str:
         target = read_yaml(path)[0].get("_target_")
         if target and name in inspect.signature(get_object(target)).parameters:
             found.append(path.stem)
-    return f"it belongs to {' or '.join(found)} in the group {group}" if found else ""
+    return f"only {' or '.join(found)} in the group {group} has this key" if found else ""
 
 
 def _no_such_key(key: str, parent: Any, above: str, rest: Sequence[str]) -> str:

@@ -98,8 +98,8 @@ def _mask(settings: dict[str, Any], lidar: OwnSensor) -> str:
     }
     count = sum(last - first + 1 for first, last in beams)
     return (
-        f"{count} of its {scan} beams see the robot itself, so the filter own_body masks them; "
-        f"mask them on the real robot, too, or delete the filter from the design"
+        f"{count} of its {scan} beams see the robot itself, so the filter own_body masks these "
+        "beams; mask the same beams on the real robot, or delete the filter from the design"
     )
 
 

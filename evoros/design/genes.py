@@ -49,7 +49,7 @@ class Gene:
     def __post_init__(self) -> None:
         if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):
             rule = f"must be a dotted key that starts with {' or '.join(EVOLVABLE)}"
-            fix = "choose such a key; worlds, failures and the simulator do not evolve"
+            fix = "choose one of these keys; worlds, failures and the simulator cannot evolve"
             raise checks.invalid(self, "key", self.key, rule, fix)
         for pattern, rule in _UNFIT.items():
             if re.fullmatch(pattern, self.key):

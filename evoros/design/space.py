@@ -128,7 +128,7 @@ class SensorDesign:
             other = name if name in declared else keys.get(gene.key)
             if other is not None:
                 rule = f"must not have the name or key of the controller's gene {other}"
-                raise checks.invalid(self, "genes", name, rule, "remove it, or rename it")
+                raise checks.invalid(self, "genes", name, rule, "remove or rename the gene")
 
 
 @dataclass(frozen=True)

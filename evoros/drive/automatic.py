@@ -118,19 +118,19 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
             reason = f"wheels slide in Gazebo, where plugin {plugin} moves the robot"
     if not reason and plugin and (len(pairs) == 1 or (pairs and PUSHING_PLUGIN.search(plugin))):
         _LOG.warning(
-            f"{urdf.source}: the Gazebo plugin {plugin} can also push the robot sideways; missions "
-            "never command that, and the wheels are simulated as plain wheels"
+            f"{urdf.source}: the Gazebo plugin {plugin} can also push the robot sideways; "
+            "missions do not use this motion, and the wheels are simulated as plain wheels"
         )
     elif reason or plugin:
         kind = _choose_kind(pairs)
         names = ", ".join(joint.name for joint in joints) or "none that turn"
         reason = reason or f"Gazebo plugin {plugin}"
-        plain = "to simulate it as if it had plain wheels, which slip in turns"
+        plain = "to simulate the robot with plain wheels, which slip in turns"
         raise urdf.error(
             f"the robot also moves sideways ({reason}), which no drive models; wheels: {names}",
             f"set robot.drive.kind={kind} {plain}"
             if kind
-            else "write a drive for it (docs/parts/drive.md)",
+            else "write a drive for the robot (docs/parts/drive.md)",
         )
 
 
@@ -142,8 +142,8 @@ def refuse_facing_sideways(urdf: Urdf) -> None:
         raise urdf.error(
             f"the robot must drive forward along x (REP 103), but these wheels roll along y: "
             f"{', '.join(joint.name for joint in wheels)}",
-            f"attach its root link {urdf.root} to a new root through a fixed joint with "
-            f'rpy="0 0 -1.5708" (or "0 0 1.5708" if it faces along -y)',
+            f'attach the root link {urdf.root} to a new root through a fixed joint with rpy="0 '
+            '0 -1.5708" (or "0 0 1.5708" if the robot faces along -y)',
         )
 
 
@@ -158,7 +158,7 @@ def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
         if rolling:
             left, right = (",".join(w.joint.name for w in s) for s in zip(*rolling, strict=True))
             keys = f"'robot.drive.left_wheel_joints=[{left}]' 'robot.drive.right_wheel_joints="
-            fixes.append(f"let them roll about the lateral axis (y) with {keys}[{right}]'")
+            fixes.append(f"let the wheels roll about the lateral axis (y) with {keys}[{right}]'")
         raise misaligned_error(urdf, joints, ", or ".join(fixes))
 
 
@@ -284,7 +284,7 @@ class AutomaticDescription(DriveDescription):
             )
             return urdf.error(
                 f"all wheels are casters, according to their names: {left},{right}",
-                f"if they are driven, type robot.drive.kind={_choose_kind(pairs)} "
+                f"if these wheels are driven, type robot.drive.kind={_choose_kind(pairs)} "
                 f"'robot.drive.left_wheel_joints=[{left}]' "
                 f"'robot.drive.right_wheel_joints=[{right}]'",
             )
@@ -327,8 +327,9 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
     bogies = find_bogies(urdf, wheels)
     notes = {
-        "friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum wheels; "
-        "they are treated as plain wheels; set robot.drive if they have rollers": diagonal,
+        "friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum "
+        "wheels, but evoros treats them as plain wheels; set robot.drive if the wheels have "
+        "rollers": diagonal,
         "in evoros, these wheels grip, although they slide in Gazebo (<mu> is 0)": slippery,
         "the drive leaves out these driven wheels": left_out,
         "in evoros, these wheels turn freely, although their joints are fixed": fixed,

@@ -158,7 +158,9 @@ def reach(radius: float) -> float:
 def tell_offset(urdf: Urdf, offset: float, what: str) -> None:
     """Warn about an offset [m] that exceeds rounding errors but is accepted."""
     if abs(offset) > TOLERANCE_M:
-        _LOG.warning("%s: %s by %.1f mm; this is not corrected", urdf.source, what, 1e3 * offset)
+        _LOG.warning(
+            "%s: %s by %.1f mm; evoros does not correct this", urdf.source, what, 1e3 * offset
+        )
 
 
 def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:

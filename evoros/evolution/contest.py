@@ -74,7 +74,9 @@ class Contest:
     def _check_new(self) -> None:
         for i, earlier in self.earlier.items():
             if not earlier and i not in self.scores:
-                raise self._refuse(f"must give trials to each new design, but gave design {i} none")
+                raise self._refuse(
+                    f"must give trials to each new design, but gave none to design {i}"
+                )
 
     def _refuse(self, rule: str) -> InputError:
         return InputError(f"allocation: {rule}; correct {type(self.allocation).__name__}")

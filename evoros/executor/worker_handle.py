@@ -123,8 +123,8 @@ class Worker:
             self.stop()
             raise NoAnswerError(
                 "its worker process exited or hung while starting",
-                "read what that process printed; a script must run evoros under "
-                "if __name__ == '__main__'",
+                "read the output of that process; a script must run evoros under if __name__ == "
+                "'__main__'",
             ) from error
 
     def _attempt(self, call: Call, contents: Sequence[Shared]) -> Answer:
@@ -184,8 +184,8 @@ def _crash(code: int | None) -> NoAnswerError:
         how = f" by signal {-code} ({signal.strsignal(-code)})"
     return NoAnswerError(
         f"its worker process ended{how}",
-        "read what that process printed, use fewer executor.workers if memory ran out, or "
-        "debug it with executor=serial",
+        "read the output of that process, use fewer executor.workers if memory ran out, or debug "
+        "with executor=serial",
     )
 
 

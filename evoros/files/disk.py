@@ -100,8 +100,9 @@ def require_no_links(folder: Path) -> None:
                 elif not entry.is_file(follow_symlinks=False):
                     kind = "a symbolic link" if entry.is_symlink() else "a pipe or a device"
                     raise InputError(
-                        f"{entry.path}: must be a regular file or folder, not {kind}, which could "
-                        f"lead out of {folder}; replace it with a copy, or delete it"
+                        f"{entry.path}: must be a regular file or folder, not {kind}, which "
+                        f"could lead out of {folder}; replace the entry with a copy, or delete "
+                        "the entry"
                     )
 
 

@@ -40,7 +40,7 @@ def read_file(path: Path) -> bytes:
         raise InputError(f"{path}: no such file; correct the path") from None
     except OSError as error:
         if isinstance(error, IsADirectoryError):
-            raise InputError(f"{path}: a folder, not a file; give a file in it") from None
+            raise InputError(f"{path}: a folder, not a file; give the path of a file") from None
         fix = "change its permissions" if isinstance(error, PermissionError) else "restore it"
         raise InputError(f"{path}: cannot be read ({error.strerror}); {fix}") from error
     if content.startswith(_POINTER):
@@ -56,7 +56,9 @@ def find_file(name: str, kind: str) -> Path:
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]
     if len(files) == 2 and not files[0].samefile(files[1]):
         _LOG.warning(
-            "%s: used instead of %s; to use the latter, rename the former", path.resolve(), files[1]
+            "%s is used instead of %s; to use the bundled file, rename yours",
+            path.resolve(),
+            files[1],
         )
     if files:
         return files[0].resolve()

@@ -17,7 +17,7 @@ LARGEST = 16 * 2**30  # maximum total unpacked size of all members [bytes]
 RATIO = 100  # maximum ratio of the unpacked to the packed size of a member
 ANY_RATIO = 2**20  # unpacked size [bytes] up to which a member may have any ratio
 MARK = b"evoros sha256:"
-_GET_AGAIN = "get the file again from its source"
+_GET_AGAIN = "download or copy the file again"
 _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError, zlib.error)
 
 

@@ -12,7 +12,9 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, checked
 from evoros.filter.protocol import Channels, Filter, require_pose
 
-INSTEAD = "use it with failure=localization or in controller.localization; otherwise, use bias"
+INSTEAD = (
+    "use the filter with failure=localization or in controller.localization, or use bias instead"
+)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ class PoseNoise(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
-        instead = "put it into the controller's localization, or use GaussianNoise instead"
+        instead = "add the filter to the controller's localization, or use GaussianNoise"
         require_pose(channels, "PoseNoise", instead)
         position, yaw = self.sigma_position_m, math.radians(self.sigma_yaw_deg)
         return self.Parameters(np.array([position, position, yaw, self.sigma_speed_mps]), onset)

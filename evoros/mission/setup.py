@@ -156,7 +156,7 @@ def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array)
         if not (fits and array.flags.c_contiguous and array.flags.writeable):
             raise InputError(
                 f"{name_rule(rule)}: its {name} must be a contiguous, writeable, one-dimensional "
-                f"float64 array, not {array!r}; make it with np.array(..., dtype=float)"
+                f"float64 array, not {array!r}; create the array with np.array(..., dtype=float)"
             )
 
 

@@ -199,7 +199,7 @@ def check_scores(scores: Mapping[int, Score], asked: Sequence[Individual]) -> No
         if any(map(math.isnan, (score.fitness, *score.objectives, *score.descriptor))):
             raise InputError(
                 f"scores: fitness, objectives and descriptor must be numbers, not {score} for "
-                f"individual {design_id}; correct their computation"
+                f"individual {design_id}; correct the computation of these values"
             )
 
 

@@ -261,7 +261,7 @@ def check_mount(subject: scene.Subject) -> Iterator[str]:
     pitch = robot.default_pitch(subject.member.design.sensors.values())
     values = {"link": robot.mount_link, "z_m": f"{robot.mount_z_m:.4g}", "pitch_deg": f"{pitch:g}"}
     chosen = ", ".join(f"robot.mount.{name}={values[name]}" for name in robot.chosen_mount)
-    yield f"{robot.name}: default mount chosen for its sensors: {chosen}"
+    yield f"{robot.name}: the sensors get the default mount: {chosen}"
 
 
 def check_told(subject: scene.Subject) -> Iterator[str]:

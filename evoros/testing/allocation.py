@@ -57,4 +57,6 @@ class AllocationSuite(PartSuite):
                 given = {i: len(values) for i, values in scores.items()}
                 fewest = min(given.get(i, 0) for i in range(old, old + new))
                 assert fewest >= trials, f"new designs must get {trials} trials or more: {given}"
-                assert max(given.values()) <= most, f"no design may get over {most} trials: {given}"
+                assert max(given.values()) <= most, (
+                    f"no design may get more than {most} trials: {given}"
+                )

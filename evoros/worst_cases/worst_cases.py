@@ -45,7 +45,7 @@ class WorstCases:
     def __post_init__(self) -> None:
         if self.latest_s < min(self.times_s):
             raise InputError(
-                f"worst_cases.latest_s: must be at least the first of worst_cases.times_s "
+                "worst_cases.latest_s: must be at least the smallest of worst_cases.times_s "
                 f"({min(self.times_s):g}), not {self.latest_s:g}; raise latest_s"
             )
 

@@ -47,7 +47,7 @@ class Part:
         (lambda: Part(1, pairs=0), "Part.pairs: must be a positive integer, not 0; for "),
         (lambda: Part(1, pairs=3), "Part.pairs: must be even, not 3; for example, set it to"),
         (lambda: Part(1, inner=1), "Part.inner: must be a mapping from names to parts"),  # type: ignore[arg-type]
-        (lambda: Part(1, limit_m={"a": 1}), "add _target_, with the class that takes these keys"),  # type: ignore[arg-type]
+        (lambda: Part(1, limit_m={"a": 1}), "add _target_ with the class that accepts these keys"),  # type: ignore[arg-type]
     ],
 )
 def test_a_field_that_breaks_its_rule_is_named_with_the_rule_and_the_value(

@@ -141,7 +141,7 @@ def test_a_sweep_with_too_few_seeds_says_so_and_what_to_type(
     needed = minimum_replicates(1)
     assert is_of(line, "evoros/cli/checking.py seed=range({ends})")
     typed = f"seed=range(7,{7 + needed})"
-    assert line.endswith(f"needs {needed} seeds per treatment; type '{typed}'")
+    assert line.endswith(f"for {needed} seeds per treatment, type '{typed}'")
     assert len(Jobs([typed], True, None)) == needed
     assert list(advise_seeds([set(range(7, 7 + needed))] * 2)) == []
 

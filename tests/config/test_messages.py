@@ -119,7 +119,7 @@ def test_a_key_of_another_choice_is_told_with_its_choice_and_dropped_as_the_mess
     head = "# @package _global_\ndefaults: [override /failure: given]\n"
     file.write_text(f"{head}failure: {{sensors: [0]}}\n")
     words = ["experiment=mine", "failure=none"]
-    belongs = "it belongs to given in the group failure; "
+    belongs = "only given in the group failure has this key; "
     with pytest.raises(InputError, match=rf"{belongs}remove it in {file}, or type (\S+)$") as told:
         compose(words, config_dir=tmp_path).build()
     compose([*words, str(told.value).split()[-1]], config_dir=tmp_path).build()

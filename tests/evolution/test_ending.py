@@ -154,7 +154,7 @@ def make_rival(design: int, low: float, high: float) -> dict[str, object]:
     [
         ([(4, 9), (3, 10)], 3.21, "none of 2 is shown to be better; design 1 may be better by up"),
         ([(4, 9), (8.5, 10)], 3.21, "design 1 is better by at least 0.50; "),
-        ([(4, 9)], None, "but there is no interval to compare them with"),
+        ([(4, 9)], None, "but there is no interval for a comparison"),
         ([], None, "none tested on the same draws"),
     ],
 )
@@ -177,7 +177,7 @@ def test_the_summary_says_whether_a_rival_is_better(
     ("changes", "said"),
     [
         ({"precision": None}, "in 5 fresh trials (95 % interval 7.0 to 9.4)"),
-        ({"precision": 1.5, "precision_trials": None}, "on the draws that selected it"),
+        ({"precision": 1.5, "precision_trials": None}, "on the draws used for selection"),
         ({"precision": 0.1, "precision_trials": 420}, "not reached; a new run with validation."),
         ({"precision": 0.1, "precision_trials": None}, "precision 0.1 cannot be reached"),
     ],

@@ -35,7 +35,7 @@ def test_a_file_in_the_current_folder_wins_over_a_bundled_one_and_it_is_told(
     with caplog.at_level(logging.WARNING):
         found = find_file(NAME, "robots")
     assert found == (own if here == "present" else BUNDLED)
-    told = [f"{own}: used instead of {BUNDLED}; to use the latter, rename the former"]
+    told = [f"{own} is used instead of {BUNDLED}; to use the bundled file, rename yours"]
     assert [record.getMessage() for record in caplog.records] == told * (here == "present")
 
 

@@ -134,7 +134,7 @@ def test_a_faulty_file_is_one_line_with_a_fix(tmp_path: Path) -> None:
     folder.mkdir()
     assert "no such file" in refused(tmp_path / "absent.stl")
     assert ".stl, .obj, .dae" in refused(write(tmp_path / "mesh.blend", "x"))
-    assert "a folder, not a file; give a file in it" in refused(folder)
+    assert "a folder, not a file; give the path of a file" in refused(folder)
     assert "face" in refused(write(tmp_path / "points.obj", "v 0 0 0\n"))
     assert "COLLADA" in refused(
         write(tmp_path / "lost.dae", DAE.replace('"#positions"', '"#gone"'))

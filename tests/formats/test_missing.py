@@ -174,7 +174,7 @@ def test_a_mesh_of_no_size_is_left_out_as_nothing_can_touch_it(tmp_path: Path, c
     flat = shape("<mesh><uri>box.stl</uri><scale>1 0 1</scale></mesh>")
     assert load(tmp_path, flat).bodies == ()
     assert "w.sdf:3: <mesh>" in caplog.text
-    assert "is left out: a scale of 0" in caplog.text
+    assert "is left out: a mesh with a scale of 0" in caplog.text
 
 
 @pytest.mark.parametrize("order", ["<", ">"])

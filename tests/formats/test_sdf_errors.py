@@ -77,7 +77,7 @@ def test_what_no_engine_has_is_reported_by_name_and_line(
 
 TOLD = [
     # What is left out.
-    ("<actor name='a'/>", "world", "stands still, because it has fewer than two waypoints"),
+    ("<actor name='a'/>", "world", "stands still, because the actor has fewer than two waypoints"),
     ("<road name='r'/>", "world", "paint"),
     ("<population name='p'/>", "world", "left out"),
     ("<plugin name='p' filename='libmove.so'/>", "model", "libmove.so is ignored"),

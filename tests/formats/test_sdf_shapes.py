@@ -173,7 +173,7 @@ def test_a_box_of_the_visual_stands_for_a_missing_mesh(tmp_path: Path, caplog: L
     (shape,) = body.shapes
     assert (shape.kind, shape.size) == ("box", (1.0, 1.0, 3.0))
     assert (body.pose @ shape.pose).position == pytest.approx((4.0, 5.0, 6.0))
-    assert "a 1 x 1 x 3 m box from its visual" in caplog.text
+    assert "a 1 x 1 x 3 m box from the link's visual" in caplog.text
 
 
 def test_the_box_of_the_inertia_stands_for_a_missing_mesh(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def test_a_mesh_without_any_size_is_left_out_and_told(tmp_path: Path, caplog: Lo
         with caplog.at_level(logging.WARNING):
             body = one(tmp_path, MESH, two, missing=missing)
         assert [shape.kind for shape in body.shapes] == ["sphere"]
-        assert "is left out: its file is missing" in caplog.text
+        assert "is left out: the file is missing" in caplog.text
         caplog.clear()
 
 

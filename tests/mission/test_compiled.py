@@ -228,7 +228,7 @@ class Vague(Smooth):
             Smooth,
             "with_state: must take only the arguments parameters, .* time, not state",
         ),
-        (smooth, Forgetful, r"smooth: has the argument memory, but start\(\) returns none"),
+        (smooth, Forgetful, r"smooth: has the argument memory, which start\(\) does not return"),
         (smooth, Listed, r"Listed\.start must return named tuples.*\[0"),
         (
             smooth,

@@ -84,7 +84,7 @@ def test_a_mount_that_is_chosen_is_told(caplog: pytest.LogCaptureFixture) -> Non
     preflight(
         build("robot=two_wheeler", "design=around", "robot.mount.link=null", "robot.mount.z_m=null")
     )
-    assert "two_wheeler: default mount chosen for its sensors: robot.mount.link=base_link" in (
+    assert "two_wheeler: the sensors get the default mount: robot.mount.link=base_link" in (
         caplog.text
     )
     assert "robot.mount.z_m=" in caplog.text

@@ -642,7 +642,7 @@ def test_a_mesh_of_the_body_becomes_convex_parts(tmp_path: Path, caplog: Log) ->
 def test_a_mesh_in_millimetres_is_told(tmp_path: Path, caplog: Log) -> None:
     write_wheel(tmp_path / "body.stl", 100.0, 80.0)
     load(tmp_path, link("base_link", MESH.format("body.stl"), INERTIAL.format(2, 0.02)), WHEELS)
-    (line,) = (message for message in caplog.messages if "millimetres; set its scale" in message)
+    (line,) = (message for message in caplog.messages if "millimetres; set the scale" in message)
     assert line.startswith(str(tmp_path / "body.stl"))
 
 

@@ -203,7 +203,7 @@ def test_houses_next_to_the_course_come_first_whatever_the_order_in_the_file(
     whole = count_parts(1.0)
     assert min(whole[:-1]) > 1
     assert whole[-1] == 1
-    assert "remote.stl: the mesh is divided coarsely, because it is over 30 m" in caplog.text
+    assert "remote.stl: the mesh is divided coarsely, because it is more than 30 m" in caplog.text
     # A house may take a quarter of the work, which is ten times what it needs.
     limited = count_parts(2.5 * divide_mesh(triangles).work / WORK)
     assert limited[:8] == whole[:8]

@@ -79,7 +79,7 @@ def _fix_to_world(world: Element, reading: Reading) -> None:
 
 def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
     if reading.options.vehicles == "leave_out":
-        keep = "world.NAME.vehicles=hold_still keeps it as an obstacle"
+        keep = "world.NAME.vehicles=hold_still keeps the vehicle as an obstacle"
         problem = f"is left out, because it is a vehicle ({reason}); {keep}"
         reading.notes.add(model, problem, "vehicle")
         parent = model.getparent()
@@ -209,7 +209,9 @@ def read_actors(container: Element, reading: Reading) -> tuple[Actor, ...]:
     actors: list[Actor] = []
     for element in container.findall("actor"):
         if reading.options.actors == "leave_out":
-            reading.notes.add(element, "is left out; world.NAME.actors=walk keeps it", "actor")
+            reading.notes.add(
+                element, "is left out; world.NAME.actors=walk keeps the actor", "actor"
+            )
         else:
             actors.append(_read_actor(element, {actor.name for actor in actors}, reading))
     return tuple(actors)
@@ -226,7 +228,7 @@ def _read_actor(element: Element, taken: set[str], reading: Reading) -> Actor:
     if len(points) < 2 or not starts:
         x, y, _ = points[0] if points else read_pose(element).pose.position
         problem = (
-            "stands still, because it has fewer than two waypoints or its <auto_start> is false"
+            "stands still, because the actor has fewer than two waypoints, or <auto_start> is false"
         )
         reading.notes.add(element, problem, "actor that stands")
         return Actor(unique, ((x, y, 0.0),))

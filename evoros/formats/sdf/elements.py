@@ -67,7 +67,7 @@ _REPORTED = {
 }
 
 _LEFT_OUT = {
-    "population": "is left out: write its models into the file to keep them",
+    "population": "is left out: to keep the models, write them into the file",
     "road": "is left out: robots neither touch nor see paint",
 }
 

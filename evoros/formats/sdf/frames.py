@@ -76,7 +76,7 @@ class Frames:
             if path in self._frames:
                 return path
         owner = "::".join(scope) or "the world"
-        fix = "name a model, link, frame or joint in it"
+        fix = f"name a model, link, frame or joint in {owner}"
         raise element_error(element, f"refers to {quote(name)}, which is not in {owner}", fix)
 
     def world_pose(self, path: Path) -> Pose:

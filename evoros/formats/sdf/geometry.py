@@ -52,7 +52,7 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
     kinds = {str(child.tag) for child in solids}
     if not solids or (len(solids) > 1 and kinds != {"polyline"}):
         element = solids[1] if solids else geometry
-        problem = f"must be the only shape in its <geometry>, which has {len(solids)}"
+        problem = f"must be the only shape in <geometry>, which has {len(solids)}"
         raise xml.element_error(element, problem, "write one <collision> for each shape")
     solid, kind = solids[0], str(solids[0].tag)
     if kind == "empty":
@@ -156,7 +156,9 @@ def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
 def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
     use = _identify_mesh(mesh, reading)
     if 0.0 in use.scale:
-        reading.notes.add(mesh, "is left out: a scale of 0 makes it flat, so nothing can touch it")
+        reading.notes.add(
+            mesh, "is left out: a mesh with a scale of 0 is flat, so nothing can touch it"
+        )
         return ()
     if use not in reading.meshes:
         reading.meshes[use] = _read_parts(mesh, use, 0.0).shapes
@@ -224,7 +226,9 @@ def divide_meshes(
         remark = "the mesh is divided coarsely to save time"
         if is_far:
             wanted, work = max(wanted, math.ceil(distance / REACH_M)), 0.0
-            remark = f"the mesh is divided coarsely, because it is over {reach:g} m from the course"
+            remark = (
+                f"the mesh is divided coarsely, because it is more than {reach:g} m from the course"
+            )
         text = f"dividing {use.path.name} into convex parts, mesh {index} of {len(places)}"
         with suppress(InputError), announce(text):
             parts = _read_parts(elements[use], use, work, uses[use])
@@ -272,7 +276,7 @@ def scale_model(model: Element, scale: Element, reading: Reading) -> None:
         return
     if min(x, y, z) <= 0:
         raise xml.element_error(scale, "must be greater than 0", "write three positive numbers")
-    reading.notes.add(scale, f"scales the sizes of its shapes by {x:g} {y:g} {z:g}, as in Gazebo")
+    reading.notes.add(scale, f"scales only the sizes of shapes, by {x:g} {y:g} {z:g}, as in Gazebo")
     factors: Mapping[str, tuple[float, ...]] = {
         "size": (x, y, z), "radii": (x, y, z), "radius": (max(x, y),), "length": (z,)
     }  # fmt: skip

@@ -60,8 +60,9 @@ def _read_levels(file: Path, element: Element, reading: Reading) -> Array:
     if is_geotiff(content):
         problem = f"names a GeoTIFF, {file}, which holds heights in metres, not an image"
         fix = (
-            f"convert it to an image with gdal_translate -ot UInt16 -scale -of PNG {file.name} "
-            f"{file.stem}.png, and set <size> to the extent and height range of the GeoTIFF"
+            "convert the GeoTIFF to an image with gdal_translate -ot UInt16 -scale -of PNG "
+            f"{file.name} {file.stem}.png, and set <size> to the extent and height range of the "
+            "GeoTIFF"
         )
         raise MissingFileError(str(element_error(element, problem, f"{fix}; or {CHOICES}")))
     try:
@@ -77,7 +78,7 @@ def _read_levels(file: Path, element: Element, reading: Reading) -> Array:
         unknown = isinstance(error, UnidentifiedImageError)
         reason = "has no known format" if unknown else f"cannot be read ({error})"
         problem = f"must name an image, but {file} {reason}"
-        fix = f"convert it to a grey-scale PNG; or {CHOICES}"
+        fix = f"convert the file to a grey-scale PNG; or {CHOICES}"
         raise MissingFileError(str(element_error(element, problem, fix))) from None
     if levels.ndim != 2 or min(levels.shape) < 2:
         problem = f"must name an image of at least 2 x 2 pixels ({file})"

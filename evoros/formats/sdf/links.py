@@ -89,7 +89,7 @@ def _read_moments(inertia: Element, notes: Notes) -> Array | None:
         return None
     tensor = symmetric_tensor(*(values.get(tag, 0.0) for tag in _MOMENTS))
     if principal_axes(tensor)[0][0] <= 0:
-        problem = f"is not positive definite, so no solid can have it: {_ASSUMED}"
+        problem = f"is not positive definite, which is impossible for a solid: {_ASSUMED}"
         notes.add(inertia, problem, "moments impossible")
         return None
     return tensor
@@ -180,7 +180,7 @@ def _read_shapes(
 ) -> tuple[Shape, ...]:
     """Return the shapes of a collision in its own frame; ``pose`` is its world pose."""
     if xml.touches_nothing(collision):
-        problem = "is left out: its <contact> or <max_contacts> lets everything pass through it"
+        problem = "is left out: <contact> or <max_contacts> lets everything pass through the shape"
         reading.notes.add(collision, problem, "passable")
         return ()
     try:
@@ -192,12 +192,14 @@ def _read_shapes(
         if reading.options.missing == "box":
             box = _substitute_box(link, path, frames, reading)
         if box is None:
-            problem = "is left out: its file is missing or cannot be read"
+            problem = "is left out: the file is missing or cannot be read"
             reading.notes.add(collision, problem, "missing shape")
             return ()
         shape, place, origin = box
         size = " x ".join(f"{edge:.3g}" for edge in shape.size)
-        problem = f"names a missing mesh, which is replaced with a {size} m box from its {origin}"
+        problem = (
+            f"names a missing mesh, which is replaced with a {size} m box from the link's {origin}"
+        )
         reading.notes.add(collision, problem, "box")
         return (replace(shape, pose=pose.inverse() @ place),)
 

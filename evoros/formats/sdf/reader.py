@@ -225,7 +225,7 @@ def _apply_state(
         relative = read_pose(element)
         if relative.base not in ("", "world"):
             problem = f"must not be relative to {xml.quote(relative.base)}"
-            raise xml.element_error(relative.element, problem, "give its world pose")
+            raise xml.element_error(relative.element, problem, "give the pose in the world frame")
         has_pose = relative.element is not element
         if has_pose and not frames.move(path, relative.pose):
             problem = "is ignored: nothing in the world has this name"

@@ -112,7 +112,7 @@ class Addresses:
             )
         if "://" in uri and not uri.startswith("file://"):
             remedy = Remedy("download {}, and give the path of the file", uri)
-            return f"names {uri}, which is not on this machine", remedy
+            return f"names {uri}, which has not been downloaded", remedy
         remedy = Remedy("correct the path {}, or type world.NAME.model_paths=[FOLDER]", uri)
         return f"names {uri}, which is not in {beside}", remedy
 

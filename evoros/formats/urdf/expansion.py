@@ -72,8 +72,8 @@ def _check_robot(root: Element, file: Path) -> None:
     ]
     named = f", for example {', '.join(users[:3])}" if users else ""
     raise InputError(
-        f"{file}: must describe a robot, but expands to no <link>: it only defines macros; name "
-        f"the file that calls them{named}"
+        f"{file}: must describe a robot, but only defines macros and expands to no <link>; name "
+        f"the file that calls the macros{named}"
     )
 
 

@@ -157,7 +157,9 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
     given = element.get("type", "").strip()
     name = element.get("name", "").strip() or f"{link}_{given}"
     if not link:
-        raise xml.element_error(element, "must be on a link", "name it in <gazebo reference=...>")
+        raise xml.element_error(
+            element, "must be on a link", "name the link in <gazebo reference=...>"
+        )
     placed, settings = xml.find_child(element, "pose"), _read_period(element)
     pose = Pose() if placed is None else xml.parse_pose(placed)
     sensor = DescribedSensor(name, LIDAR, link, pose, settings, place=xml.place_of(element))
@@ -219,7 +221,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
         return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=told)
     vertical = xml.find_child(scan, "vertical")
     if vertical is not None and _read_fan(vertical)[0] > 1:
-        notes += ("has several layers, of which only the level one is used",)
+        notes += ("has several layers, but only the level layer is used",)
     if max(high, -low) > LARGEST_RAD:
         notes += (f"has angles from {low:g} to {high:g} rad, which may be in degrees",)
     settings["beams"] = beams

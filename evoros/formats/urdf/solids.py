@@ -134,7 +134,10 @@ class SolidsReader:
 
     def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
         if self.missing == "error" and not names_sensor(link):
-            fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
+            fix = (
+                "add the folder of the mesh's package to robot.packages, or set "
+                "robot.missing=leave_out"
+            )
             raise element_error(solid, f"names the mesh {name}, which does not exist", fix)
         turns = link.get("name") in self._turning
         shape = _match_inertia(link, turns) if self.missing == "box" else None
@@ -161,7 +164,9 @@ class SolidsReader:
         size = np.ptp([corner for shape in mesh.shapes for corner in shape.corners], axis=0)
         if size.max() > _LARGEST_M:
             words = " x ".join(f"{length:.4g}" for length in size.tolist())
-            remark = f"the mesh measures {words} m and may be in millimetres; set its scale"
+            remark = (
+                f"the mesh measures {words} m and may be in millimetres; set the scale of the mesh"
+            )
             self.mesh_notes.add_file(path, remark)
         if len(mesh.shapes) <= _MAX_PARTS:
             self._divided += 1

@@ -67,7 +67,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
         later = {**request, "definitions_first": True}
         again = _request_expansion(later, file, options.time_limit_s)
         if "error" not in again:
-            note = "%s: uses names before they are defined, so definitions are read first"
+            note = "%s uses names before their definitions, so all definitions are read first"
             _LOG.warning(note, file)
             answer = again
     absences = _collect_absences(file, answer.get("absent", {}), options)
@@ -93,12 +93,14 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
 def choose_instead(absences: Absences, options: ReadOptions) -> str:
     """Return the keys to set as an alternative to providing missing items."""
     if options.packages_key != ReadOptions.packages_key:  # worlds have no ignored packages
-        return "delete the elements that name them"
+        return "delete the elements that name the missing items"
     packages = absences.names("package")
     choices = []
     if packages:
         ignored = ",".join([*options.ignored_packages, *packages])
-        choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need it")
+        choices.append(
+            f"type 'robot.ignored_packages=[{ignored}]' if only accessories need these packages"
+        )
     if absences.names("wheel"):  # a robot requires its wheels
         choices.append("set robot.missing=box for meshes")
     elif absences.names("mesh"):
@@ -158,7 +160,7 @@ def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
     absent = answer["absent"]["packages"]
     skipped = [name for name in answer["skipped"] if name.partition("/")[0] not in absent]
     for text, names in {
-        "left out, because their packages are ignored": skipped,
+        "elements of ignored packages are left out": skipped,
         "found only with different letter case": answer["unlike"],
         "tags without the prefix xacro:, as in old files, are read as xacro tags": answer["legacy"],
     }.items():

@@ -15,7 +15,7 @@ PLUGIN = Plugin(
         "archive": Subcommand(
             f"{__name__}.archive:archive",
             "FOLDER ...",
-            "write a study, and all that it needs, into one file",
+            "write a study and everything needed to rerun it into one file",
             ("--output", "--config-dir", "--license", "--author", "--version"),
         ),
     },

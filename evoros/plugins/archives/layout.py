@@ -62,7 +62,7 @@ class Layout:
         place = _join(self.places[above], path.relative_to(above))
         if escape(place) != place:
             raise InputError(
-                f"{path}: cannot be archived, because its name is not UTF-8; rename it"
+                f"{path}: cannot be archived, because the name is not UTF-8; rename the file"
             )
         return place
 

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 NAME = "evoros reproduce"
 ABOUT = """Repeat a run, an evaluation or a sweep from its record, and compare all bytes.
 
-It prints differences between versions and machines, and then either that all missions and files
-agree or the first difference. FOLDER stays unchanged. If FOLDER is an archive (from evoros
-archive), inputs/ and runs/ are created in NEW, and the code in inputs/ is run."""
+The output lists differences between versions and machines, and then reports that all missions
+and files agree, or the first difference. FOLDER stays unchanged. If FOLDER is an archive (from
+evoros archive), inputs/ and runs/ are created in NEW, and the code in inputs/ is run."""
 STATUSES = """exit status: 0 all agree, 1 a difference or a lost mission, 2 FOLDER cannot be rerun,
 130 interrupted. Read docs/run_folder.md before you run the code in somebody else's folder."""
 

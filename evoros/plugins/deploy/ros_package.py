@@ -103,7 +103,8 @@ def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, 
         head = [
             f"{champion.title}, for ArduPilot {version} {bound}",
             f"Positions are relative to {_describe_origin(champion, options)}.",
-            "Set RNGFNDn_TYPE for your hardware and restart the autopilot before you load this.",
+            "Set RNGFNDn_TYPE for your hardware, and restart the autopilot before you load this "
+            "file.",
         ]
         files[f"config/ardupilot_{version}.parm"] = parameters.write_ardupilot_file(
             finders, head, parameters.list_flown(champion), metres

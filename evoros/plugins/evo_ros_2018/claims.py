@@ -188,7 +188,7 @@ def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
     why = f"total {gain.write()}"
     against = finding.Against(steady, logarithmic)
     if not gain.low > 0:
-        unknown = finding.UNKNOWN, f"{why}: this does not prove a gain"
+        unknown = finding.UNKNOWN, f"{why}, which does not prove a gain"
         return claim.conclude(small_samples.NOTHING, len(known), unknown, against)
     verdict = finding.require_replicates(finding.judge_above(share, steady), len(known))
     why += f"; expected: {steady:.0%} of a steady gain, {logarithmic:.0%} of random designs"

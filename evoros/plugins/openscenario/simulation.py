@@ -60,7 +60,8 @@ def build_setting(overrides: tuple[str, ...], config_dir: str | None, trial: int
     missions = experiment.plan.evaluation(0, 0, design)
     if not 0 <= trial < len(missions):
         raise InputError(
-            f"trial: must be from 0 to {len(missions) - 1}, not {trial}; lower it, or raise trials"
+            f"trial: must be from 0 to {len(missions) - 1}, not {trial}; lower trial, or raise "
+            "trials"
         )
     scenario = experiment.scenario_for(experiment.evaluation_draws)
     return Setting(scenario, missions[trial], list(experiment.agents))

@@ -343,7 +343,7 @@ def test_a_gain_that_may_be_none_says_nothing() -> None:
     table["validated_last"] = [14.0, 6, 11]
     finding = claims.judge_gain(table, "validated")
     assert (finding.verdict, math.isnan(finding.value)) == (UNKNOWN, True)
-    assert "this does not prove a gain" in finding.why
+    assert "which does not prove a gain" in finding.why
     assert "needs" in claims.judge_gain(table.assign(validated_last=math.nan), "validated").why
     assert "needs" in claims.judge_gain(progress([3.5, 3.5], last=15), "recorded").why
     without_runs = pd.DataFrame()  # as of a study in which no design is mirrored
