@@ -98,7 +98,7 @@ def write_folder(path: Path, command: str, files: Mapping[str, bytes]) -> None:
     change = _find_change(path, command)
     if change:
         raise InputError(
-            f"{path}: only a folder left as {command} wrote it can be replaced, but {change}; "
+            f"{path}: must be an unchanged folder from {command} to be replaced, but {change}; "
             f"move the folder away, or choose another --output"
         )
     path.parent.mkdir(parents=True, exist_ok=True)

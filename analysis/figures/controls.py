@@ -27,7 +27,7 @@ NEEDS = "runs with controls"
 FILES = ("controls.csv", "controls_summary.csv")
 LOOKS = {"control": (VERMILLION, 7.0, "white"), "champion": (BLUE, 4.0, BLUE)}
 """Edge colour, size and face colour of the markers of controls and champions."""
-INTERVAL = "95 % interval of the difference"
+INTERVAL = "95 % confidence interval for the difference"
 ROW_IN, HEAD_IN = 0.24, 0.98
 NAME_LENGTH = 28
 TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}

@@ -43,7 +43,7 @@ def load_study(
         if record.not_run:
             LOGGER.warning("%s: %s", record.path, record.not_run)
         for file in list_strays(record.path):
-            LOGGER.warning("%s: ignored, because the run did not write it", file)
+            LOGGER.warning("%s: ignored, because the run did not write this file", file)
     evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
     runs = [record for record in records if not isinstance(record, EvaluationRecord)]
     problems = dict[str, str]()
@@ -96,7 +96,7 @@ def _name_copies(runs: Sequence[Record]) -> set[str]:
         copies |= {run.name: f"{run.name} (as {best.name})" for run in group if run is not best}
     if copies:
         LOGGER.warning(
-            "left out, because another run has the same configuration and seed: %s",
+            "runs with the configuration and seed of another run are left out: %s",
             ", ".join(copies.values()),
         )
     return set(copies)

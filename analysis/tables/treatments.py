@@ -268,8 +268,8 @@ def read_treatments(path: Path) -> list[_Entry]:
 def _read_entry(entry: object, place: str) -> _Entry:
     if not isinstance(entry, dict) or not any(key in entry for key in _SELECTING):
         raise InputError(
-            f"{place}: needs the keys name, and where (levels of factors) or folders (patterns of "
-            f"run names); add them, as in {{name: GA, where: {{optimizer: ga}}}}"
+            f"{place}: needs the keys name, and where (levels of factors) or folders (patterns "
+            f"of run names); add these keys, as in {{name: GA, where: {{optimizer: ga}}}}"
         )
     given = {str(key): value for key, value in entry.items() if key not in _SELECTING}
     problem = describe_problem(given) or ("" if given.get("name") else "name must be a string")

@@ -77,7 +77,7 @@ class Measuring:
             key,
             f"must be {SCORE.text}, but is {value:g} for the design "
             f"{', '.join(str(mount) for mount in evaluated.design.mounts)[:200]}; such designs "
-            f"count as {worst:g}; correct {type(measure).__name__}",
+            f"get the value {worst:g}; correct {type(measure).__name__}",
         )
         return worst
 

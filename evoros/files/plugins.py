@@ -104,5 +104,5 @@ def explain_missing(word: str) -> str:
         return ""
     return (
         f"{word}: needs the plug-in {names[0]}, which is not installed; restore the folder "
-        f"{PACKAGE / 'plugins' / names[0]}, for example by installing evoros again"
+        f"{PACKAGE / 'plugins' / names[0]}, for example by reinstalling evoros"
     )

@@ -44,9 +44,11 @@ def read_file(path: Path) -> bytes:
         fix = "change its permissions" if isinstance(error, PermissionError) else "restore it"
         raise InputError(f"{path}: cannot be read ({error.strerror}); {fix}") from error
     if content.startswith(_POINTER):
-        raise InputError(f"{path}: only a Git LFS pointer to the file; type git lfs pull")
+        raise InputError(
+            f"{path}: is only a Git LFS pointer; to download the file, type: git lfs pull"
+        )
     if content[:200].lstrip().lower().startswith(_PAGES):
-        raise InputError(f"{path}: a web page in place of the file; download the raw file instead")
+        raise InputError(f"{path}: is a web page, not the file; download the raw file")
     return content
 
 

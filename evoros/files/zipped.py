@@ -101,7 +101,7 @@ def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
         total += member.file_size
     folders = {name for name, member in by_name.items() if member.is_dir()}
     if total > LARGEST:
-        raise _refuse(path, f"at most {LARGEST >> 30} GiB unpacked", f"not {total >> 30} GiB")
+        raise _refuse(path, f"at most {LARGEST >> 30} GiB when unpacked", f"not {total >> 30} GiB")
     for name in by_name:
         above = {str(place) for place in Path(name).parents} & (by_name.keys() - folders)
         if above:

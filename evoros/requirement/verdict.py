@@ -43,9 +43,12 @@ class Verdict:
         if self.result == MET:
             return text
         if self.result == UNDECIDED:
-            more = f"about {self.further:.0f} more trials would probably decide it"
+            more = f"about {self.further:.0f} more trials would probably be enough"
             if math.isinf(self.further):
-                more = "more trials would probably not decide it: the value is close to the limit"
+                more = (
+                    "more trials would probably not be enough, because the value is close "
+                    "to the limit"
+                )
             text += f"; {more}"
         trial, world = self.worst
         return f"{text}; the worst mission is trial {trial} in {world}"

@@ -128,7 +128,8 @@ def _add_row(
     if robot not in by_name:
         if bare:
             LOGGER.warning(
-                "%s: row ignored, because the agent %s does not exist and the row has no sensor",
+                "%s: the row is ignored, because the agent %s does not exist and the row has no "
+                "sensor",
                 at,
                 robot,
             )

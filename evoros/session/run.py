@@ -183,7 +183,7 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
     configured = read_recorded(record.path / layout.CONFIG).values
     if not layout.evaluates(record.path):
         for file in find_strays(record.path, record.digests.entries):
-            LOGGER.warning("%s: ignored, because the run did not write it", file)
+            LOGGER.warning("%s: ignored, because the run did not write this file", file)
         written = max(experiment.optimizer.generations, record.count_generations())
         size = _find_size(record, plan.GENERATIONS, written, wanted)
         status, limited = record.read_status(), experiment.stop_after != StopAfter()

@@ -102,7 +102,7 @@ def _explain_stop(error: BaseException) -> str:
 
 CONSEQUENCES = {
     layout.MISSIONS: "missions without rows will be rerun",
-    layout.DIGESTS: "rewritten for the known files",
+    layout.DIGESTS: "rewritten with digests of the known files",
 }
 """Consequences of a lost or damaged file, for files without a backup copy."""
 
@@ -126,7 +126,7 @@ def log_repair(repair: Repair) -> None:
     damage = f"{repair.where}: damaged" if repair.where else ": missing"
     effects = {
         layout.MISSIONS: "; all missions will be rerun",
-        layout.DIGESTS: " for the known files",
+        layout.DIGESTS: " with digests of the known files",
     }
     LOGGER.warning("%s%s; rewritten%s", repair.path, damage, effects.get(name, ""))
 

@@ -205,8 +205,8 @@ def test_what_is_no_image_is_told_with_its_name(tmp_path: Path) -> None:
 
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
 CONTENT = {
-    POINTER: "only a Git LFS pointer to the file; type git lfs pull",
-    "\n<!DOCTYPE html>\n<html><body>404</body></html>\n": "a web page in place of the file",
+    POINTER: "is only a Git LFS pointer; to download the file, type: git lfs pull",
+    "\n<!DOCTYPE html>\n<html><body>404</body></html>\n": "is a web page, not the file",
 }
 READERS: dict[str, Callable[[Path], object]] = {
     "r.urdf": lambda file: load_robot(str(file), AutomaticDescription()),

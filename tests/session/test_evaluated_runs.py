@@ -35,7 +35,7 @@ BLIND = [
     "agents.oncoming.design.number=0",
     "agents.oncoming.scored=false",
 ]
-NOBODY = "row ignored, because the agent oncoming does not exist and the row has no sensor"
+NOBODY = "the row is ignored, because the agent oncoming does not exist and the row has no sensor"
 VALIDATION = "evaluation_draws=validation"
 DESIGNS = {"rover": "one_lidar", "neural": "priced_sensors"}
 REACH = "{_target_: evoros.design.genes.Gene, key: KEY, low: 0.8, high: 2.5}"

@@ -258,7 +258,7 @@ def test_a_table_that_the_run_has_not_written_changes_no_mean_and_is_named(
     assert resume(folder) == DONE
     lines = [line for line in capsys.readouterr().err.splitlines() if str(stray) in line]
     assert len(lines) == 2
-    assert all(line.endswith("ignored, because the run did not write it") for line in lines)
+    assert all(line.endswith("ignored, because the run did not write this file") for line in lines)
     assert load_run(folder).generations.equals(load_run(stray_run).generations)
 
 

@@ -27,7 +27,7 @@ class CourseOnset(Onset):
     def __post_init__(self) -> None:
         check_order(self, "earliest", "latest")
         if self.unit == SHARE and self.latest > 1:
-            raise invalid(self, "latest", self.latest, "must be at most 1, the whole route")
+            raise invalid(self, "latest", self.latest, "must be at most 1 (the whole route)")
 
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
         part = scale(float(rng.random()), self.earliest, self.latest)

@@ -24,8 +24,9 @@ ABOUT = """Repeat a run, an evaluation or a sweep from its record, and compare a
 The output lists differences between versions and machines, and then reports that all missions
 and files agree, or the first difference. FOLDER stays unchanged. If FOLDER is an archive (from
 evoros archive), inputs/ and runs/ are created in NEW, and the code in inputs/ is run."""
-STATUSES = """exit status: 0 all agree, 1 a difference or a lost mission, 2 FOLDER cannot be rerun,
-130 interrupted. Read docs/run_folder.md before you run the code in somebody else's folder."""
+STATUSES = """exit status: 0 if everything agrees, 1 if something differs or a mission was lost,
+2 if FOLDER cannot be rerun, 130 if interrupted. Read docs/run_folder.md before you run the code
+in somebody else's folder."""
 
 
 def reproduce(arguments: Sequence[str]) -> int:

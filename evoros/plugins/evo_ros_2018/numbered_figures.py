@@ -69,7 +69,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
             product = _draw(figure, study, options)
         except InputError as error:
             name = f"Fig. {figure.number} ({figure.shows})"
-            messages.append(f"{name}: left out: {single_line(error)}")
+            messages.append(f"{name} is left out: {single_line(error)}")
             continue
         name = f"figure_{figure.number:02d}_{figure.subcommand}"
         assert product.figure is not None  # ensured by _draw
