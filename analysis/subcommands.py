@@ -174,9 +174,9 @@ def _add_formats(parser: argparse.ArgumentParser, formats: Mapping[str, str]) ->
         about = "the figure's width in page columns: 3.5 in or 7 in"
         parser.add_argument("--columns", type=int, choices=(1, 2), help=about)
         about = (
-            "a matplotlib style file (from a journal, for example) or the name of a matplotlib "
-            "style; sets fonts, font size (font.size) and the width of one column "
-            "(figure.figsize), but no colours"
+            "a matplotlib style file (for example from a journal) or the name of a matplotlib "
+            "style; sets fonts, font size (font.size) and column width (figure.figsize), but not "
+            "colours"
         )
         parser.add_argument("--style", metavar="FILE", help=about)
         about = "letter the panels, starting with this letter"

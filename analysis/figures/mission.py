@@ -34,7 +34,7 @@ from ..tables.validated import describe_rates
 
 WORST_MISSION = True
 HELP = "maps of the champion's missions: path by mode, collisions, sensor failures"
-NEEDS = "stored trajectories of a finished run, of a run with record=all, or of an evaluation"
+NEEDS = "stored trajectories from a finished run, a run with record=all, or an evaluation"
 FILES = ("mission.csv", "mission_walkers.csv")
 ENDINGS = {
     "completed": "completed in {:.0f} s",

@@ -44,7 +44,9 @@ from ..tables.pairs import (
 from ..tables.records import Record
 from ..tables.study import Study
 
-HELP = "two software versions on equal draws: newly failed and completed missions, p-values"
+HELP = (
+    "two software versions on the same draws: newly failed and newly completed missions, p-values"
+)
 NEEDS = "two evaluations or two runs with the same draws, the older one first"
 FILES = ("regression.csv", "regression_missions.csv", "regression_margins.csv")
 SKEWED = ("change in completion time, bootstrap", "paired values change, sign flips")
@@ -79,9 +81,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     about = "test only this quantity; may be repeated; default: all"
     parser.add_argument("--of", action="append", choices=QUANTITIES, help=about)
     about = (
-        f"require that the mean of {' or '.join(BOUNDED)} falls by less than X in each world, for "
-        f"example {COMPLETED}=0.05; may be repeated; the exit status then depends only on the "
-        "margins"
+        f"require that the mean of {' or '.join(BOUNDED)} falls by less than X in each world, "
+        f"for example {COMPLETED}=0.05; may be repeated; the exit status then depends only on "
+        "these margins"
     )
     parser.add_argument("--margin", action="append", default=[], metavar="QUANTITY=X", help=about)
     about = "confidence level of the --margin results; default: 0.95"

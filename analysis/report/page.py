@@ -94,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--playbacks``, ``--designs`` and ``--claims``."""
     about = (
         "size limit for the missions on the page, about 0.3 MB per run; the best run of each "
-        "treatment is always included, then further runs up to the limit; default: 3"
+        "treatment is included even beyond the limit; default: 3"
     )
     parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)
     about = (

@@ -213,10 +213,10 @@ def sum_outputs(parameters: Parameters, memory: Memory) -> tuple[float, float]:
 
 
 ODD = checks.Rule(
-    "an odd integer, at most 99", lambda v: checks.is_whole(v) and v % 2 == 1 and 0 < v < 100
+    "an odd integer of at most 99", lambda v: checks.is_whole(v) and v % 2 == 1 and 0 < v < 100
 )
 SPAN = checks.Rule(
-    "an angle greater than 0, at most 360", lambda v: checks.is_number(v) and 0 < v <= 360
+    "an angle greater than 0 and at most 360", lambda v: checks.is_number(v) and 0 < v <= 360
 )
 NUMBERS = checks.Rule(
     "a list of numbers", lambda v: isinstance(v, list | tuple) and all(map(checks.is_number, v))

@@ -8,7 +8,7 @@ from evoros.base.errors import InputError, require_extra, write_count
 from evoros.plugins.recordings.missions import add_missions, choose_missions
 
 WORST_MISSION = True
-HELP = "recorded missions and the best designs of all generations, for the Rerun viewer"
+HELP = "recorded missions, and the best design of each generation, for the Rerun viewer"
 NEEDS = "a run or an evaluation that recorded trajectories, and the package rerun-sdk"
 FILES = ("rerun.rrd",)
 FORMATS: dict[str, str] = {}

@@ -132,7 +132,8 @@ def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
     start, end = max(options.start_s, first), min(options.end_s, last)
     if start > end:
         raise InputError(
-            f"from {options.start_s:g} s: the mission ends at {last:g} s; start the video earlier"
+            f"start_s: must be at most {last:g} s, the end of the mission, not "
+            f"{options.start_s:g} s; start the video earlier"
         )
     step = options.speed / options.fps
     count = math.ceil((end - start) / step - 1e-9) + 1
