@@ -9,6 +9,8 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
+from evoros.base.errors import write_count
+
 from ..drawing.gallery import choose_apart
 from ..subcommands import EXPORTS, SUBCOMMANDS, Product
 from ..tables.factors import IGNORED, TARGET, Choices, Values, format_value, name_part
@@ -113,7 +115,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     played = sum("run" in each["players"] for each in page.playbacks)
     message = f"missions of {played} of {len(study.records)} runs"
     if len(page.playbacks) > played:
-        message += f" and {len(page.playbacks) - played} other designs"
+        message += f" and {write_count(len(page.playbacks) - played, 'other design')}"
     message = f"report.html: {len(content) / 1e6:.1f} MB; includes the {message}"
     return Product(messages=[message], files={"report.html": content})
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from evoros.base.errors import InputError, single_line
+from evoros.base.errors import InputError, single_line, write_count
 from evoros.requirement.verdict import MET
 from evoros.storage.layout import name_parts, replay_command
 from evoros.storage.verdicts import Row, name_worst, read_verdicts
@@ -91,7 +91,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     playbacks, missing = _encode_worst(verdicts, options.playbacks * 1e6)
     sections = dict(_render_sections(study, verdicts, playbacks, missing))
     page = Page(name_page(options.folders), summarize(study), sections, playbacks)
-    message = f"requirements.html: {_count(verdicts)}; includes {len(playbacks)} missions"
+    message = (
+        f"requirements.html: {_count(verdicts)}; includes {write_count(len(playbacks), 'mission')}"
+    )
     return Product(messages=[message], files={"requirements.html": render_page(page, SCRIPTS)})
 
 

@@ -148,7 +148,7 @@ def find_folders(paths: Sequence[Path]) -> list[Path]:
             raise InputError(f"{path}: folder not found; {_advise(paths, i)}")
         below = list(folders_below(path, warn_left_out))
         if not below:
-            LOGGER.warning("%s: contains no runs; left out", path)
+            LOGGER.warning("%s contains no runs and is left out", path)
         for folder in below:
             folders.setdefault(folder.resolve(), folder)
     return list(folders.values())

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from evoros.analysis.run_figures import check_figures
 from evoros.base.checks import SEED
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.cli.reporting import JobResult
 from evoros.config.configuration import Configuration, check_classes
 from evoros.config.jobs import Job, Jobs, RefusedJob
@@ -36,7 +36,7 @@ def check_jobs(command: str, jobs: Jobs, explain: Explain) -> list[Job]:
     faults = list(describe_faults([job.overrides for job in ready], refused))
     if len(faults) > MAX_FAULTS:
         faults[MAX_FAULTS:] = [
-            f"{len(faults) - MAX_FAULTS} more errors; correct the errors above first"
+            f"{write_count(len(faults) - MAX_FAULTS, 'more error')}; correct the errors above first"
         ]
     for fault in faults:
         report_error(command, fault, INPUT)

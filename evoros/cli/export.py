@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.files.resources import expand_home
 from evoros.terminal import console
 from evoros.terminal.log import warn_left_out
@@ -44,7 +44,9 @@ def export(arguments: Sequence[str]) -> int:
                 NAME, f"{options.tracker}: {describe(error)}", console.STOPPED
             )
         state = "unfinished" if run.end is None else run.end.state
-        console.print_result(f"{folder}: {len(run.generations)} generations, {state}")
+        console.print_result(
+            f"{folder}: {write_count(len(run.generations), 'generation')}, {state}"
+        )
     return console.DONE
 
 

@@ -31,7 +31,7 @@ MODES = Rule(
     lambda v: TEXTS.holds(v) and len(v) == len(set(v)) > 0 and all(item.strip() for item in v),
 )
 PARAMETERS = Rule(
-    "a mapping from names to numbers, strings, flags, nulls, and lists and mappings of these",
+    "a mapping from names to numbers, strings, flags, nulls, or lists or mappings of these",
     lambda v: isinstance(v, Mapping) and _is_plain(v),
     plain=True,
 )

@@ -28,7 +28,7 @@ def read_content(path: Path) -> bytes:
     """Return the content of a complete mesh file in a supported format."""
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
-        raise InputError(f"{path}: must be a mesh in a known format ({known}); convert the mesh")
+        raise InputError(f"{path}: unknown mesh format; convert the mesh to one of {known}")
     with suppress(OSError):
         if (size := path.stat().st_size / 1e6) > MOST_MB:
             problem = f"the file has {size:.0f} MB, more than the limit of {MOST_MB} MB"

@@ -88,7 +88,7 @@ class Batcher:
             if isinstance(compiled, NotCompilable):
                 raise NoKernel(f"{name_rule(rule)} is not compiled: {compiled}")
             if not compiled.borrows:
-                raise NoKernel(f"{name_rule(rule)} makes arrays or other objects")
+                raise NoKernel(f"{name_rule(rule)} creates arrays or other objects")
             known[kind, rule] = compiled.lower()
             numbers.setdefault(rule, len(numbers))
         parts: dict[str, dict[int, Lowered]] = {kind: {} for kind in RULES}

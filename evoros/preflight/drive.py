@@ -32,7 +32,7 @@ def report_drive(experiment: Experiment, pool: Pool) -> None:
         raise
     except Exception as error:  # an engine or a user's simulator may raise any exception
         warnings = [
-            f"a short drive before the run failed ({single_line(error)}); missions may fail, too"
+            f"a short drive before the run failed ({single_line(error)}); missions may also fail"
         ]
     for warning in warnings:
         _LOG.warning("%s", warning)

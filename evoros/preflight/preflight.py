@@ -9,7 +9,7 @@ from itertools import chain, product
 import numpy as np
 
 from evoros.base.checks import SCORE, ask
-from evoros.base.errors import InputError, PilotLost, SimulationError
+from evoros.base.errors import InputError, PilotLost, SimulationError, write_count
 from evoros.base.rng import generator
 from evoros.controller.protocol import LiveController
 from evoros.design.design import Design
@@ -178,8 +178,8 @@ def check_workers(experiment: Experiment) -> Iterator[str]:
     executor, cores = experiment.executor, available_cores()
     if isinstance(executor, Processes) and executor.workers > _MAX_WORKERS_PER_CORE * cores:
         yield (
-            f"executor.workers: {executor.workers} workers share {cores} cores, and each worker "
-            "needs memory; remove the key to get one worker per core"
+            f"executor.workers: {executor.workers} workers share {write_count(cores, 'core')}, "
+            "and each worker needs memory; remove the key to get one worker per core"
         )
 
 
@@ -247,9 +247,9 @@ def check_cases(subject: scene.Subject) -> Iterator[str]:
         cases = failure.count_cases(sensors)
         if trials < cases:
             yield (
-                f"failure: {sensors} sensors can fail in {cases} ways, of which each design meets "
-                f"{trials} at random, one per trial; set trials={cases} to test each of these "
-                "cases once"
+                f"failure: {write_count(sensors, 'sensor')} can fail in {cases} ways, of which "
+                f"each design meets {trials} at random, one per trial; set trials={cases} to "
+                "test each of these cases once"
             )
 
 

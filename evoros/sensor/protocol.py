@@ -188,7 +188,7 @@ RULES = {
     "mass_kg": checks.POSITIVE,
     "price": checks.NOT_NEGATIVE,
 }
-RAYS = checks.Rule("a float64 array (k, 3) of unit vectors, k at least 1", _are_rays)
+RAYS = checks.Rule("a float64 array (k, 3) of unit vectors, with k >= 1", _are_rays)
 
 
 def check_sensor(sensor: Sensor) -> None:

@@ -8,7 +8,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.config.recorded import flatten_recorded
 from evoros.files.nested import parse_json
 from evoros.observers import protocol
@@ -262,7 +262,9 @@ def describe_diff(diff: Diff) -> str:
     if diff.difference:
         return f"different: {diff.difference}"
     runs = f"{diff.folders} folders, " if diff.folders > 1 else ""
-    lines = [f"equal: {runs}{diff.missions} missions, {diff.files} files"]
+    lines = [
+        f"equal: {runs}{write_count(diff.missions, 'mission')}, {write_count(diff.files, 'file')}"
+    ]
     if diff.circumstances:
         lines.append(f"made with different {', '.join(diff.circumstances)}")
     return "\n".join(lines)

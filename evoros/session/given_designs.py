@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from evoros.base.errors import InputError, override, shell_line, single_line
+from evoros.base.errors import InputError, override, shell_line, single_line, write_count
 from evoros.certificate.controls import NO_SENSORS, RANDOM
 from evoros.config.configuration import Configuration, check_targets
 from evoros.config.like import LIKE, RecordedRun, find_place, is_below
@@ -168,8 +168,8 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
         yield folder, champion
     if not finished:
         raise InputError(
-            f"designs={path}: none of its {len(runs)} runs has a champion that can be scored; "
-            f"finish a run, or give a different folder"
+            f"designs={path}: contains {write_count(len(runs), 'run')}, but no champion that can "
+            "be scored; finish a run, or give a different folder"
         )
 
 

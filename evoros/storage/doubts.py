@@ -25,7 +25,7 @@ def warn_not_run(folder: Path) -> str:
         return ""
     (ended, reason), _ = endings.most_common(1)[0]
     return (
-        f"none of the {endings.total()} missions could be run, so the fitness is meaningless; most "
+        f"no mission could be run ({endings.total()} tried), so the fitness is meaningless; most "
         f"ended with {ended}: {reason or 'no reason is recorded'}"
     )
 
@@ -51,8 +51,8 @@ def _warn_never_completed(rows: Iterable[Row]) -> str:
         return ""
     fix = "raise course.time_limit_s" if 2 * limits > missions else "try an easier world or failure"
     return (
-        f"none of {missions} missions was completed; the best reached {100 * farthest:.0f} % of "
-        f"its course; {fix} if designs should complete missions"
+        f"no mission was completed ({missions} tried); the best reached {100 * farthest:.0f} % "
+        f"of its course; {fix} if designs should complete missions"
     )
 
 
@@ -70,8 +70,8 @@ def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
         if 2 * moving[name] < missions:
             yield (
                 f"{name} stood still for most of the time in {missions - moving[name]} of "
-                f"{missions} missions; show one with evoros analyze mission, and clear the robot's "
-                "path"
+                f"{missions} missions; draw such a mission with evoros analyze mission, and "
+                "clear the robot's path"
             )
 
 

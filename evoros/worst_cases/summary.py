@@ -32,7 +32,7 @@ def _describe_design(table: pd.DataFrame) -> str:
     if smallest.empty:
         worst = table[table["stage"] == CONFIRMED].sort_values("rate", kind="stable").head(1)
         most = int(table["failed"].max())
-        text = f"not stopped by any of {cases} cases of up to {most} failed sensors"
+        text = f"not stopped by any of {cases} cases of up to {write_count(most, 'failed sensor')}"
         for row in worst.to_dict("records"):
             text += f"; the worst is {row['case']}: {_compare(row, nominal)}"
         return text

@@ -154,7 +154,7 @@ def test_an_empty_folder_beside_a_run_is_said(sweep: Path, tmp_path: Path, capsy
     run = str(sweep / "silent_seed-2")
     given = ["fitness", run, str(tmp_path / "empty"), "--output", str(tmp_path / "out")]
     assert evoros_analyze([*given, "--format", "svg"]) == DONE
-    assert capsys.readouterr().err == f"{tmp_path / 'empty'}: contains no runs; left out\n"
+    assert capsys.readouterr().err == f"{tmp_path / 'empty'} contains no runs and is left out\n"
     with pytest.raises(InputError, match="no complete run or evaluation was found"):
         load_study([tmp_path / "empty"])
     with pytest.raises(InputError, match="folder not found"):

@@ -65,7 +65,7 @@ BAD = [
     (["~fitness._target_"], "fitness: must be a fitness function (a subclass"),
     (
         ["+design.genes.a={key: controller.period_s, low: 0, high: 1}"],
-        "add _target_, with the class",
+        "add _target_ with the class",
     ),
     (["fitness._target_=builtins.dict"], "fitness._target_: must be a class in evoros or in a"),
     (

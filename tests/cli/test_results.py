@@ -62,7 +62,7 @@ def test_a_run_whose_missions_all_failed_says_so_everywhere(run: Path, caplog: L
         run / "missions.csv", index=False
     )
     reseal(run)
-    expected = f"none of the {len(table)} missions could be run"
+    expected = f"no mission could be run ({len(table)} tried)"
     for text in (warn_not_run(run), summarize(run).splitlines()[0]):
         assert expected in text
         assert "simulation_failure: the robot fell" in text
@@ -92,7 +92,7 @@ def test_a_run_that_completes_nothing_says_so(
         assert doubts == []
     else:
         (line,) = doubts
-        assert f"none of {len(rows)} missions was completed; the best reached 25 %" in line
+        assert f"no mission was completed ({len(rows)} tried); the best reached 25 %" in line
         assert "raise course.time_limit_s" in line
 
 

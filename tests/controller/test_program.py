@@ -378,7 +378,7 @@ def test_a_program_in_the_confirmation_is_started_before_the_run(
     words = [*RUN, *confirmed, other, f"confirmation.controller.command={tmp_path / 'none'}"]
     assert evoros([*words, f"hydra.run.dir={tmp_path / 'run'}"]) == 2
     (line,) = capfd.readouterr().err.splitlines()
-    assert line.startswith(f"evoros: confirmation.controller: {tmp_path / 'none'}: must be a prog")
+    assert line.startswith(f"evoros: confirmation.controller: {tmp_path / 'none'}: cannot be exec")
 
 
 def test_files_of_the_current_folder_are_found_in_an_empty_one(

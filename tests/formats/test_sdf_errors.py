@@ -238,7 +238,7 @@ JOINTS = [
     ("<joint name='j' type='fixed'><parent>l</parent><child>nobody</child></joint>", "'nobody'"),
     ("<joint name='j' type='fixed'><parent>l</parent></joint>", "<child>"),
     ("<joint name='j' type='fixed'><parent>f</parent><child>k</child></joint>", "name a link"),
-    ("<joint name='j'><parent>l</parent><child>k</child></joint>", "has type ''"),
+    ("<joint name='j'><parent>l</parent><child>k</child></joint>", "has the unknown type ''"),
 ]  # fmt: skip
 
 

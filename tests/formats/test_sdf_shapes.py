@@ -228,7 +228,7 @@ def test_a_height_map_reaches_its_height_at_the_brightest_pixel(
 
 def test_what_is_no_image_is_an_error(tmp_path: Path) -> None:
     write(tmp_path / "worlds" / "hill.png", "no image")
-    with pytest.raises(InputError, match=r"^w\.sdf:3: <uri>.*hill\.png.*convert it"):
+    with pytest.raises(InputError, match=r"^w\.sdf:3: <uri>.*hill\.png.*convert the file"):
         one(tmp_path, "<heightmap><uri>hill.png</uri></heightmap>")
 
 

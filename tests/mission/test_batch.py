@@ -152,7 +152,7 @@ class Odd(Filter):
 def test_missions_with_odd_rules_have_no_kernel() -> None:
     experiment = experiment_of(*COMBINATIONS[1])
     sonar: Any = experiment.design.sensors["sonar"]
-    reasons = {in_python: "is not compiled: ", with_a_copy: "makes arrays or other objects"}
+    reasons = {in_python: "is not compiled: ", with_a_copy: "creates arrays or other objects"}
     for rule, reason in reasons.items():
         sensors = {"sonar": replace(sonar, filters={"odd": Odd(rule)})}
         odd = replace(experiment, design=replace(experiment.design, sensors=sensors))

@@ -202,7 +202,7 @@ def test_a_robot_without_sensors_can_be_left_out(
 ) -> None:
     rows = score(blind, tmp_path / "scores", [*TEAM, "agents=none"])
     assert not any(str(name).startswith("oncoming.") for name in rows)
-    (line,) = (line for line in capsys.readouterr().err.splitlines() if "row ignored" in line)
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "row is ignored" in line)
     assert line.endswith(f"{blind}/champion/design.csv: line 8: {NOBODY}")
 
 

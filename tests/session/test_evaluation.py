@@ -286,7 +286,7 @@ def test_a_folder_without_a_finished_run_is_one_clear_line(
     assert scored(tmp_path / "scores", sweep) == INPUT
     *warnings, error = capsys.readouterr().err.splitlines()
     assert len(warnings) == 3
-    assert "none of its 3 runs has a champion that can be scored" in error
+    assert "contains 3 runs, but no champion that can be scored" in error
     assert not (tmp_path / "scores").exists()
 
 

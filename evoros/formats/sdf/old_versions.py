@@ -40,7 +40,7 @@ def modernize(root: Element, notes: Notes) -> None:
         return
     rewritten = sum(_rewrite(element) for element in [*root.iter(etree.Element)])
     if rewritten:
-        problem = f"is SDF {root.get('version')}: {rewritten} attributes are read as elements"
+        problem = f"is SDF {root.get('version')}; attributes read as elements: {rewritten}"
         notes.add(root, problem, "old version")
 
 

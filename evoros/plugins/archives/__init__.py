@@ -15,7 +15,7 @@ PLUGIN = Plugin(
         "archive": Subcommand(
             f"{__name__}.archive:archive",
             "FOLDER ...",
-            "write a study and everything needed to rerun it into one file",
+            "write a study and all its inputs into one file",
             ("--output", "--config-dir", "--license", "--author", "--version"),
         ),
     },

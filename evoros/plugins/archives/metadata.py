@@ -93,8 +93,8 @@ def _describe_root(facts: StudyFacts) -> list[Entity]:
         "@id": "./",
         "@type": "Dataset",
         "name": facts.name,
-        "description": f"The study {facts.name}: {len(facts.runs)} runs and evaluations by evoros "
-        f"{facts.version}, with everything needed to rerun them.",
+        "description": f"The study {facts.name}: runs and evaluations by evoros {facts.version} "
+        f"({len(facts.runs)} in total), with everything needed to rerun them.",
         "datePublished": max(run.status["updated"] for run in facts.runs),
         "license": {"@id": licence["@id"]},
         "conformsTo": {"@id": PROFILE},

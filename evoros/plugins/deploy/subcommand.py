@@ -11,7 +11,7 @@ from evoros.analysis.drawing.style import render
 from evoros.analysis.subcommands import Product, add_run
 from evoros.analysis.tables.study import Study
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, write_count
 from evoros.drive.rolling import shape_points
 from evoros.geometry.shapes import Pose, Shape
 from evoros.plugins.deploy.champion import Champion, MountedSensor, read_champion
@@ -54,7 +54,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     files, notes = write_package(champion, chosen, drawings)
     for note in notes:
         LOGGER.warning("%s", note)
-    message = f"{champion.title}, with {len(champion.sensors)} sensors"
+    message = f"{champion.title}, with {write_count(len(champion.sensors), 'sensor')}"
     return Product(messages=[message], files=files, folder=chosen.name)
 
 
@@ -74,7 +74,7 @@ def plan_mounting(champion: Champion) -> MountingPlan:
     wheels = {part.link for part in champion.record.context.parts if part.wheel}
     centres = np.array([champion.shown.poses[link].position for link in sorted(wheels)]) * _MM
     return MountingPlan(
-        title=f"{champion.name}: mounting positions of {len(sensors)} sensors",
+        title=f"{champion.name}: mounting positions of {write_count(len(sensors), 'sensor')}",
         source=champion.title,
         datum=_describe_datum(centres),
         solids=tuple(_list_solids(champion, links, wheels)),

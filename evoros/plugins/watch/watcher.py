@@ -117,7 +117,7 @@ def _find_obstacle(record: Record) -> str:
     if record.run.manifest.get("simulators") != PLANE:
         return "only planar missions are cheap to rerun; record=all stores all missions"
     if not (record.path.stat().st_uid == os.getuid() and is_locked(record.path)):
-        return "the run is not in progress on this machine for this user"
+        return "the run is not in progress, or was started by another user or on another machine"
     return ""
 
 

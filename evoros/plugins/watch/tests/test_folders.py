@@ -217,4 +217,4 @@ def test_a_run_that_does_not_run_is_not_flown(tmp_path: Path) -> None:
     flown = Flights().update(study)
     assert not flown.playbacks
     (note,) = flown.notes
-    assert "is not in progress on this machine" in note
+    assert "is not in progress, or was started by another user" in note
