@@ -179,8 +179,8 @@ def parse(overrides: Sequence[str]) -> list[Override]:
         selects = group and not override.is_delete()
         if selects and not all(isinstance(name, str) for name in names):
             raise InputError(
-                f"{override.key_or_group}: there is no choice {value}; evoros --help lists the "
-                "choices"
+                f"{override.key_or_group}: must be one of the group's choices, not {value}; "
+                "evoros --help lists them"
             )
     return parsed
 
