@@ -15,8 +15,8 @@ from evoros.sensor.protocol import RangeSensor, sees
 
 _MAX_PERIOD_S = 0.02
 PERIOD = checks.Rule(
-    f"a number greater than 0 and at most {_MAX_PERIOD_S}, because ArduPilot does not arm at "
-    f"fewer than 50 states per second",
+    f"a number greater than 0 and at most {_MAX_PERIOD_S} (ArduPilot does not arm at fewer than "
+    "50 states per second)",
     lambda v: checks.is_number(v) and 0 < v <= _MAX_PERIOD_S + 1e-12,
 )
 _PARAMETERS = checks.Rule(
@@ -136,7 +136,7 @@ class ArduPilotSettings(LiveController):
     def __post_init__(self) -> None:
         object.__setattr__(self, "binary", split_command([self.binary])[0])
         if self.localization:
-            rule = "must be empty, because the autopilot estimates the pose itself"
+            rule = "must be empty (the autopilot estimates the pose itself)"
             fix = "choose controller/localization=exact"
             raise checks.invalid(self, "localization", list(self.localization), rule, fix)
         period, count = self.avoidance_period_s, round(self.avoidance_period_s / self.period_s)

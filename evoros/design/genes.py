@@ -25,9 +25,9 @@ MAX_EXHAUSTIVE = 10
 """Maximum number n of genes for which all 2^n combinations of bounds are tried (0.5 s)."""
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
-    _PERIOD: "must not be a period, because periods must be multiples of the time step",
-    r"design\.sensors\.[^.]+\.(\w+_)?price": "must not be a price, because evolution would only "
-    "lower the price",
+    _PERIOD: "must be a key other than a period (periods must be multiples of the time step)",
+    r"design\.sensors\.[^.]+\.(\w+_)?price": "must be a key other than a price (evolution would "
+    "only lower the price)",
 }
 
 
@@ -74,7 +74,7 @@ def check_gene_names(design: object, names: Iterable[str]) -> None:
             rule = f"each name must be {checks.NAME.text}"
             raise checks.invalid(design, "genes", name, rule, "rename it")
         if re.match(r"number$|sensor\d+_", name):
-            rule = "must not be the name of a sensor column"
+            rule = "must differ from the names of sensor columns"
             raise checks.invalid(design, "genes", name, rule, "choose another name")
 
 

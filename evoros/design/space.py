@@ -80,7 +80,7 @@ class SensorDesign:
         for key in keys:
             if keys.count(key) > 1:
                 raise checks.invalid(
-                    self, "genes", key, "must not evolve a key twice", "remove one of the genes"
+                    self, "genes", key, "must contain each key only once", "remove one of the genes"
                 )
 
     def _check_names(self) -> None:
@@ -90,7 +90,9 @@ class SensorDesign:
                     raise checks.invalid(self, part, name, f"each name must be {checks.TEXT.text}")
             if self.max_number > 0 and not choices:
                 fix = "add at least one, or set number to 0"
-                raise checks.invalid(self, part, {}, "must not be empty if sensors are placed", fix)
+                raise checks.invalid(
+                    self, part, {}, "must have at least one entry if sensors are placed", fix
+                )
         check_gene_names(self, self.genes)
 
     @property
@@ -127,7 +129,7 @@ class SensorDesign:
         for name, gene in self.genes.items():
             other = name if name in declared else keys.get(gene.key)
             if other is not None:
-                rule = f"must not have the name or key of the controller's gene {other}"
+                rule = f"must differ in name and key from the controller's gene {other}"
                 raise checks.invalid(self, "genes", name, rule, "remove or rename the gene")
 
 

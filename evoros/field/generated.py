@@ -112,7 +112,7 @@ class Field(Distribution):
             max_placed = max(max_placed, len(obstacles))
             if len(obstacles) < MIN_SHARE * count:
                 break
-        rule = f"must leave room for all obstacles, but only {max_placed} of {count} fit"
+        rule = f"must leave room for all obstacles (only {max_placed} of {count} fit)"
         fix = "lower density, gap_m, clearing_m or the obstacles' sizes"
         raise checks.invalid(self, "density", self.density, rule, fix)
 

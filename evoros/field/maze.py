@@ -114,8 +114,7 @@ class Maze(Distribution):
                 return corridor
             doors = self._connect(rng)
         rule = (
-            f"must lie in this order on a corridor, but do so in none of {MAX_ATTEMPTS} "
-            "random mazes"
+            f"must lie in this order on a corridor in at least one of {MAX_ATTEMPTS} random mazes"
         )
         fix = "give fewer waypoints, or set dead_ends to keep or open"
         raise invalid(self, "course.waypoints", [*self.course.waypoints], rule, fix)

@@ -47,7 +47,7 @@ class Objects(Distribution):
         if checks.bounds(self.distance_m)[0] <= 0.0:
             raise checks.invalid(self, "distance_m", self.distance_m, "must be greater than 0")
         if self.course.home[:2] in self.course.waypoints:
-            rule = "must have waypoints away from home, so that objects can stand behind them"
+            rule = "must have waypoints away from home (objects stand behind waypoints)"
             raise checks.invalid(self, "course", [*self.course.home[:2]], rule, "move the waypoint")
 
     def __hash__(self) -> int:

@@ -207,7 +207,9 @@ def _check_corners(shape: Shape) -> None:
         rule = "must be four or more points [x, y, z]"
         raise checks.invalid(shape, "corners", shape.corners, rule)
     if is_flat(corners):
-        raise checks.invalid(shape, "corners", shape.corners, "must not all lie in one plane")
+        raise checks.invalid(
+            shape, "corners", shape.corners, "must be points that do not all lie in one plane"
+        )
 
 
 def is_flat(corners: Array) -> bool:

@@ -17,7 +17,7 @@ from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_g
 FEW = 4
 POPULATION = replace(
     COUNT,
-    text=f"an integer >= {FEW}, so that two or more designs guide the search",
+    text=f"an integer >= {FEW} (at least two designs must guide the search)",
     holds=lambda v: is_whole(v) and v >= FEW,
 )
 

@@ -89,7 +89,7 @@ class Walkers:
             corners = tuple((float(x), float(y)) for x, y in self.route)
             ends = zip(corners, (*corners[1:], corners[0]), strict=True)
             if any(start == end for start, end in ends):
-                rule = "must not have the same corner twice in a row (the first follows the last)"
+                rule = "must have different consecutive corners (the first follows the last)"
                 raise checks.invalid(self, "route", self.route, rule)
             object.__setattr__(self, "route", corners)
 

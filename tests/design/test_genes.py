@@ -168,7 +168,7 @@ def test_a_link_that_does_not_exist_is_an_error() -> None:
 
 
 def test_sensors_cannot_be_placed_if_all_types_are_fixed() -> None:
-    with pytest.raises(InputError, match="must not be empty if sensors are placed"):
+    with pytest.raises(InputError, match="must have at least one entry if sensors are placed"):
         SensorDesign({"own": Sonar()}, {"front": FRONT}, 1, False, fixed={"back": MAST})
 
 

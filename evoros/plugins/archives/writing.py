@@ -67,7 +67,7 @@ class Secrets:
         self._texts: dict[str, str] = {}
         for path in paths:
             if len(path.parts) > 2:
-                self._texts[str(path)] = "a path of this machine"
+                self._texts[str(path)] = "a path on this machine"
         if home not in (None, Path("/")):
             self._texts[str(home)] = "the path of your home folder"
         host = socket.gethostname()

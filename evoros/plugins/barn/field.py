@@ -181,10 +181,7 @@ class BarnField:
             for index, free in enumerate(find_free(grids)):
                 if has_corridor(free):
                     return np.asarray(grids[index], dtype=np.bool_)
-        rule = (
-            f"must leave a corridor, but none of {MAX_BATCHES * BATCH} grids filled to {fill:g} "
-            "has one"
-        )
+        rule = f"must leave a corridor in at least one of {MAX_BATCHES * BATCH} random grids"
         raise invalid(self, "fill", list(self.fill), rule, "lower this share")
 
     def measure_shortest(self, cells: Cells) -> float:

@@ -41,7 +41,7 @@ GAIN = {
 }
 APPROACH = finding.Claim(
     "The average fitness approaches the fitness of the fittest",
-    "ratio of the distance between mean and best in the last generation to the first",
+    "distance between mean and best fitness, last generation divided by first",
 )
 SWING = finding.Claim(
     "While the robot drives to a waypoint, its heading swings through an arc of up to 60 deg",

@@ -130,7 +130,10 @@ class GpuBatches:
         """Return the message that missions run on the CPU; raise it if ``fallback`` is STOP."""
         lack = f"executor.device=gpu: {reason}"
         if self.fallback == STOP:
-            fix = "resume when a GPU is usable, or with executor.fallback=cpu or executor=processes"
+            fix = (
+                "resume when a GPU is available, or with executor.fallback=cpu or "
+                "executor=processes"
+            )
             raise RunStopped(f"{lack}; {fix}")
         return f"{lack}; missions run on the CPU, as with executor=processes"
 
