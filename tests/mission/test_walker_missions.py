@@ -129,7 +129,7 @@ WRONG: Sequence[tuple[list[str], str]] = [
     (["walkers.people.pace_mps=-1"], "walkers.people.pace_mps: must be a number greater than 0"),
     (["walkers.people.number=[5,2]"], "walkers.people.number: must be an integer from 0"),
     (["walkers.people.route=[[1,1]]"], "route: must be a list of at least two corners"),
-    (["walkers.people.route=[[1,1],[1,1],[2,2]]"], "route: must have different consecutive corners"),
+    (["walkers.people.route=[[1,1],[1,1],[2,2]]"], "must have different consecutive corners"),
     (["walkers.people.route=[[-9,-2],[9,-2]]"], "walkers.people.route: each leg must be clear"),
     (["walkers.people.pace_mps=5", "walkers.people.radius_m=0.1"], "walkers.people.pace_mps"),
     (["world=generated", "world.generated.renew=true", "walkers.people.route=[[3,0],[3,9]]"],
