@@ -120,7 +120,7 @@ NOT_NEGATIVES = Rule(
     "a non-empty list of non-negative numbers",
     lambda v: isinstance(v, list | tuple) and len(v) > 0 and all(map(NOT_NEGATIVE.holds, v)),
 )
-SCORE = Rule(  # small enough that squares and sums do not overflow
+SCORE = Rule(  # small enough to prevent overflow of squares and sums
     "a finite number with a magnitude of at most 1e100",
     lambda v: is_number(v) and abs(float(v)) <= 1e100,
 )

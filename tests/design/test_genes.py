@@ -200,7 +200,7 @@ class TestRegion(RegionSuite):
         (lambda: SensorDesign({"s": Sonar()}, {"f": FRONT}, [2, 1], True), r"\.number"),
         (lambda: SensorDesign({"s": Sonar()}, {"": FRONT}, 1, True), r"SensorDesign\.regions"),
         (lambda: SensorDesign({}, {}, 0, True, {"sensor0_x_m": AVOID}), r"SensorDesign\.genes"),
-        (lambda: SensorDesign({}, {}, 0, True, {"a": AVOID, "b": AVOID}), "twice"),
+        (lambda: SensorDesign({}, {}, 0, True, {"a": AVOID, "b": AVOID}), "only once"),
         (lambda: SensorDesign({}, {}, 0, "yes"), r"SensorDesign\.mirrored"),  # type: ignore[arg-type]
     ],
 )
