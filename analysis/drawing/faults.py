@@ -22,6 +22,7 @@ DASHES: Mapping[int, Any] = {1: "-", 2: (0, (2.5, 1.0))}  # line style by phase
 _HEAD: dict[str, Any] = {"ls": "none", "ms": 4.5, "mec": "black", "mew": 0.5}
 _HEADS = {1: {**_HEAD, "mfc": "black"}, 2: {**_HEAD, "mfc": "white"}}
 _APART_M, _ARROWHEAD_M = 7.0, 0.3  # distance between arrowheads; path length that directs them
+_CLEAR_M = 0.7  # minimum distance [m] between arrowheads of a phase
 _ARROW_M = 1.5  # length [m] of the arrow at the start of the path
 _POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
 _MARKS: Mapping[str, Mapping[str, Any]] = {
@@ -128,9 +129,12 @@ def draw_direction(axes: Axes, path: pd.DataFrame, phase: int) -> None:
     """Draw arrowheads along the path of a phase."""
     places = path[["x_m", "y_m"]].to_numpy(float)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
-    count = int(way[-1] / _APART_M)
+    count, heads = int(way[-1] / _APART_M), list[list[float]]()
     for target in (np.arange(count) + 0.5) * way[-1] / max(count, 1):
         row = int(np.searchsorted(way, target))
+        if any(math.dist(head, places[row]) < _CLEAR_M for head in heads):
+            continue  # the heads of a robot that circles would hide its path
+        heads.append(places[row].tolist())
         before = int(np.searchsorted(way, target - _ARROWHEAD_M))
         x, y = (places[row] - places[min(before, row - 1)]).tolist()
         turn = math.degrees(math.atan2(y, x)) - 90.0

@@ -11,9 +11,10 @@ import pytest
 from helpers import finished_run, reseal, vary
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from evoros.analysis.drawing.faults import split_by_mode
+from evoros.analysis.drawing.faults import draw_direction, split_by_mode
 from evoros.analysis.drawing.mission_map import measure_drift
 from evoros.analysis.figures.mission import Missions, draw_missions, make_product
 from evoros.analysis.tables.loading import load_study
@@ -268,3 +269,12 @@ def test_an_estimated_pose_has_its_path_and_its_errors(worlds: dict[str, World])
         assert np.allclose(np.asarray(line.get_xydata()), np.column_stack((way, drawn)))
         assert axes.get_ylim()[0] == 0.0
     assert below.get_ylabel() == "position error [m]"
+
+
+def test_the_arrowheads_of_a_robot_that_circles_do_not_hide_its_path() -> None:
+    turns = np.linspace(0.0, 60 * np.pi, 3000)
+    path = pd.DataFrame({"x_m": 0.5 * np.cos(turns), "y_m": 0.5 * np.sin(turns)})
+    axes = Figure().add_subplot()
+    draw_direction(axes, path, 1)
+    places = np.array([line.get_xydata()[0] for line in axes.lines])
+    assert 0 < len(places) < 6
