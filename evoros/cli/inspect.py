@@ -86,7 +86,7 @@ def inspect(arguments: Sequence[str]) -> int:
             files.append(folder / inspection.design.path)
             with _kept_if_usable(folder, inspection.design):
                 require_design(inspection.design.name, folder, chosen)
-        print_result("written " + "\n        ".join(map(str, files)))
+        print_result(_list_written(part, files))
         shown += inspection.messages
         further = [word for word in further if not word.startswith(SIMULATOR)]
         further += inspection.choices
@@ -223,6 +223,14 @@ def _write(path: Path, content: bytes, replace: bool = False) -> None:
         raise InputError(
             f"{path}: cannot be written ({error.strerror}); choose another file"
         ) from error
+
+
+def _list_written(part: "OwnFile", files: Sequence[Path]) -> str:
+    from evoros.config.own_files import is_bundled
+
+    bundled = part.name.removeprefix("my_")
+    why = f" (evoros has a {part.group} {bundled})" if is_bundled(part.group, bundled) else ""
+    return "\n        ".join([f"written {files[0]}{why}", *map(str, files[1:])])
 
 
 def _format(inspection: "Inspection", shown: Sequence[str]) -> str:

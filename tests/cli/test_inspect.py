@@ -280,7 +280,9 @@ def test_a_key_changes_how_a_file_is_read_or_is_refused(folder: Path, capsys: Ca
         assert inspect(["world", str(maze), paths, key]) == INPUT
         assert named in capsys.readouterr().err
     assert inspect(["world", str(maze), paths]) == DONE
-    assert "6 fixed, 1 movable" in capsys.readouterr().out  # of the depot, not of the maze
+    out = capsys.readouterr().out
+    assert "6 fixed, 1 movable" in out  # of the depot, not of the maze
+    assert "my_maze.yaml (evoros has a world maze)" in out
     assert (folder / "mine" / "world" / "my_maze.yaml").is_file()
     assert inspect(["world", DEPOT, "--name", "maze"]) == INPUT
     assert "bundled" in capsys.readouterr().err
