@@ -11,6 +11,8 @@ from evoros.storage.layout import MISSIONS
 
 STILL = 0.1  # maximum distance of a robot at rest, relative to speed limit times duration
 FIRST = 1000  # number of missions in which the distances of other robots are examined
+CAUGHT = 0.8  # mean share of avoidance above which it keeps robots from their course
+_EASIER = "try an easier world or failure"
 Row = Mapping[str, str]
 
 
@@ -40,16 +42,22 @@ def list_doubts(folder: Path) -> list[str]:
 
 
 def _warn_never_completed(rows: Iterable[Row]) -> str:
-    missions, limits, farthest = 0, 0, 0.0
+    missions, limits, farthest, avoiding = 0, 0, 0.0, 0.0
     for row in rows:
         if row["completed"] == "true":
             return ""
         missions += 1
+        avoiding += float(row.get("avoiding") or 0.0)
         limits += row["ended"] == "time_limit"
         farthest = max(farthest, float(row["progress"]))
     if not missions:
         return ""
-    fix = "raise course.time_limit_s" if 2 * limits > missions else "try an easier world or failure"
+    fix = "raise time_limit_s of the course" if 2 * limits > missions else _EASIER
+    if (share := avoiding / missions) > CAUGHT:
+        fix = (
+            f"the robots made {100 * share:.0f} % of their decisions to avoid something, perhaps a "
+            "wall or themselves: see evoros analyze mission, and shorten the range of the avoidance"
+        )
     return (
         f"no mission was completed ({missions} tried); the best reached {100 * farthest:.0f} % "
         f"of its course; {fix} if designs should complete missions"

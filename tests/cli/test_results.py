@@ -93,7 +93,16 @@ def test_a_run_that_completes_nothing_says_so(
     else:
         (line,) = doubts
         assert f"no mission was completed ({len(rows)} tried); the best reached 25 %" in line
-        assert "raise course.time_limit_s" in line
+        assert "raise time_limit_s of the course" in line
+
+
+@pytest.mark.parametrize(("avoiding", "advised"), [(0.9, "shorten the range"), (0.5, "raise time")])
+def test_robots_that_only_avoid_are_not_given_more_time(
+    avoiding: float, advised: str, tmp_path: Path
+) -> None:
+    row = {"ended": "time_limit", "reason": "", "completed": False, "progress": 0.1}
+    (doubt,) = list_doubts(write_missions(tmp_path, [row | {"avoiding": avoiding}] * 4))
+    assert advised in doubt
 
 
 @pytest.mark.parametrize(("distance", "stands"), [(1.0, True), (50.0, False)])
