@@ -158,6 +158,9 @@ def test_a_control_decides_little_only_if_its_interval_shows_it(
 ) -> None:
     row = {"treatment": "", "control": "random", "control_completed": champion}
     row |= {"champion_completed": champion, "low": -0.05, "high": high}
-    row |= {"control_fitness": 1.0, "champion_fitness": 1.0}
+    row |= {"control_fitness": 1.0, "champion_fitness": 1.1}
     (line,) = describe_controls(pd.DataFrame([row]), "fitness")
     assert line.endswith(said)
+    if champion:
+        (line,) = describe_controls(pd.DataFrame([row | {"control_fitness": 1.1}]), "fitness")
+        assert line.endswith("probably the champion itself")
