@@ -75,11 +75,11 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         runs, measures = score_runs(study, options.under)
         messages = _report_scores(study, runs, measures, options.under, label)
     table = comparison.compare_treatments(runs, measures, options.reference)
+    if race is not None and race.target is not None:
+        table = comparison.compare_reached(table, runs, race.reached)
     width = style.figure_width(options.columns)
     tested = not options.without_tables
     figure = draw_comparison(runs, table, width, label, tested, race)
-    if race is not None and race.target is not None:
-        table = comparison.compare_reached(table, runs, race.reached)
     messages = [*messages, *comparison.conclude(table, label)]
     return Product(table, figure, messages, {"compare_runs.csv": runs})
 
@@ -204,7 +204,7 @@ def _write_pairs(
         for row in tests.to_dict("records")
     ]
     few = bool((tests["least_p_holm"] >= LEVEL).any())
-    needed = f"; *too few runs: {minimum_replicates(len(rows))} each needed" * few
+    needed = f"; *too few runs: {minimum_replicates(int(tests['tests'].max()))} each needed" * few
     write_table(figure, HEADS, rows, size, f"{TEST}; [ ]: 95 %{needed}")
 
 

@@ -4,6 +4,7 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from evoros.base.arrays import Array
@@ -18,7 +19,7 @@ SIDE = ("n", "median", "median_low", "median_high")
 COLUMNS = (
     *("measure", "a", "b"),
     *(f"{name}_{side}" for side in "ab" for name in SIDE),
-    *("p", "p_holm", "a12", "a12_low", "a12_high", "least_p_holm"),
+    *("p", "p_holm", "a12", "a12_low", "a12_high", "least_p_holm", "tests"),
 )
 
 
@@ -58,7 +59,7 @@ def _compare(
             **_describe_side("a", values[a]),
             **_describe_side("b", values[b]),
             **{"a12": effect.value, "a12_low": effect.low, "a12_high": effect.high},
-            "least_p_holm": minimum,
+            **{"least_p_holm": minimum, "tests": len(pairs)},
         }
 
 
@@ -75,7 +76,10 @@ def _describe_side(side: str, values: Array) -> dict[str, object]:
 
 
 def compare_reached(table: pd.DataFrame, runs: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Add the share of runs with a value in ``column``, with Fisher's exact test, to each row."""
+    """Add the share of runs with a value in ``column``, with Fisher's exact test, to each row.
+
+    Holm's adjustment then covers both tests of all pairs, because either can favour a treatment.
+    """
     groups = runs.groupby("treatment", sort=False)[column]
     known = {str(name): (int(cost.count()), len(cost)) for name, cost in groups}
     rows = []
@@ -88,9 +92,15 @@ def compare_reached(table: pd.DataFrame, runs: pd.DataFrame, column: str) -> pd.
             row[f"reached_low_{side}"], row[f"reached_high_{side}"] = share.low, share.high
         rows.append(row)
     added = pd.DataFrame(rows)
-    added["p_reached_holm"] = holm(added["p_reached"].to_numpy(float))
     order = [f"reached{end}_{side}" for side in "ab" for end in ("", "_low", "_high")]
-    return table.assign(**added[[*order, "p_reached", "p_reached_holm"]])
+    joint = table.assign(**added[[*order, "p_reached"]], p_reached_holm=np.nan)
+    if (table["b"] == "").any():  # nothing to compare
+        return joint
+    pairs, sizes = len(table), list(zip(table["n_a"], table["n_b"], strict=True))
+    adjusted = holm([*table["p"], *added["p_reached"]])
+    minima = [minimum_p(a, b) for a, b in sizes] + [fisher(0, a, b, b) for a, b in sizes]
+    joint["p_holm"], joint["p_reached_holm"] = adjusted[:pairs], adjusted[pairs:]
+    return joint.assign(least_p_holm=holm(minima)[:pairs], tests=2 * pairs)
 
 
 def title_measure(measure: str, label: str = FITNESS) -> str:
@@ -106,32 +116,32 @@ def conclude(table: pd.DataFrame, label: str = FITNESS) -> list[str]:
         head = f"{title_measure(str(measure), label)}, {len(pairs)} pairs"
         if len(pairs) > 1 and (rows["least_p_holm"] >= LEVEL).all():
             counts = [row[name] for row in pairs for name in ("n_a", "n_b")]
-            said.append(f"{head}: {ask_for_replicates(counts, len(pairs))}")
+            said.append(f"{head}: {ask_for_replicates(counts, int(pairs[0]['tests']))}")
             continue
         told = [row for row in pairs if len(pairs) <= MANY or row["p_holm"] < LEVEL]
-        said += [_conclude_pair(row, len(pairs), label) for row in told]
+        said += [_conclude_pair(row, label) for row in told]
         if len(told) < len(pairs):
             said.append(f"{head}: no significant difference in {len(pairs) - len(told)} of them")
     return said
 
 
-def _conclude_pair(row: Mapping[Hashable, Any], pairs: int, label: str) -> str:
+def _conclude_pair(row: Mapping[Hashable, Any], label: str) -> str:
     a, b = row["a"], row["b"]
     measure = title_measure(row["measure"], label)
     if not b:
         return f"{measure}: all runs belong to one treatment, so there is nothing to compare"
     head = f'{measure}, "{a}" versus "{b}"'
     if row["least_p_holm"] >= LEVEL:
-        return f"{head}: {ask_for_replicates((row['n_a'], row['n_b']), pairs)}"
+        return f"{head}: {ask_for_replicates((row['n_a'], row['n_b']), int(row['tests']))}"
     result = f"{format_p(row['p_holm'])} ({TEST}, Holm), A12 = {format_effect(row)} (95 % interval)"
     if row["p_holm"] >= LEVEL:
         return f"{head}: no significant difference at the 5 % level: {result}"
     return f'{head}: "{a if row["a12"] > 0.5 else b}" is higher: {result}'
 
 
-def ask_for_replicates(counts: Sequence[int], pairs: int) -> str:
-    """Explain that there are too few replicates for ``pairs`` comparisons."""
-    needed = minimum_replicates(pairs)
+def ask_for_replicates(counts: Sequence[int], tests: int) -> str:
+    """Explain that there are too few replicates for a family of tests."""
+    needed = minimum_replicates(tests)
     known = " to ".join(dict.fromkeys((str(min(counts)), str(max(counts)))))
     return (
         f"too few replicates ({known}) for any conclusion: each treatment needs at least {needed}; "

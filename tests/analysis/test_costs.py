@@ -93,7 +93,9 @@ def test_shares_have_exact_intervals_up_to_none_and_all(reached: int) -> None:
     known = [row[name] for name in ("reached_a", "reached_low_a", "reached_high_a")]
     assert known == [expected.value, expected.low, expected.high]
     assert row["reached_b"] == 0.0
-    assert row["p_reached_holm"] == pytest.approx({0: 1.0, 2: 4 / 9, 5: 1 / 126}[reached])
+    assert row["p_reached_holm"] == pytest.approx({0: 1.0, 2: 4 / 9, 5: 2 / 126}[reached])
+    assert [row["p_holm"], row["least_p_holm"]] == pytest.approx([2 / 126, 2 / 126])
+    assert row["tests"] == 2
 
 
 # With runs -----------------------------------------------------------------------------------
