@@ -136,6 +136,7 @@ def run_alone(
     folder: Path,
     config_dir: str | None,
     interrupts: Interrupts,
+    typed: Sequence[str] = (),
 ) -> int:
     """Build and run a single job, report the result, and return the exit status."""
     from evoros.analysis.run_figures import draw_figure
@@ -147,7 +148,7 @@ def run_alone(
         with Progress() as display:
             run_with_controls(build(), display, draw_figure)
     except (KeyboardInterrupt, Exception) as error:
-        result = explain_end(config_dir, interrupts, folder, error)
+        result = explain_end(config_dir, interrupts, folder, error, typed)
     return report_result(name, False, folder, result)
 
 
@@ -191,4 +192,4 @@ def _resume(arguments: Sequence[str], interrupts: Interrupts) -> int:
         return open_run(folder, options.overrides, options.config_dir)
 
     name = EVALUATE if evaluates(folder) else RUN
-    return run_alone(name, build, folder, options.config_dir, interrupts)
+    return run_alone(name, build, folder, options.config_dir, interrupts, options.overrides)

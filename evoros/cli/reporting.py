@@ -4,6 +4,7 @@ import os
 import signal
 import time
 import traceback
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -68,14 +69,21 @@ class JobResult:
 
 
 def explain_end(
-    config_dir: str | None, interrupts: Interrupts, folder: Path, error: BaseException
+    config_dir: str | None,
+    interrupts: Interrupts,
+    folder: Path,
+    error: BaseException,
+    typed: Sequence[str] = (),
 ) -> JobResult:
-    """Return the result of a job that raised an error, with the command that resumes the job."""
+    """Return the result of a job that raised an error, with the command that resumes the job.
+
+    ``typed`` has the overrides of ``evoros resume``, which the run does not record.
+    """
     # Imported here, because --help does not use these slow imports.
     from evoros.config.own_files import locate_fault
     from evoros.storage.layout import FINISHED, LOG, MISSIONS, STATUS, read_json, resume_command
 
-    resume, place = resume_command(folder, config_dir), ""
+    resume, place = resume_command(folder, config_dir, typed), ""
     hint = f"; to continue, type: {resume}" if exists(folder / MISSIONS) else ""
     cause = error.__cause__ if isinstance(error, RunStopped) else error
     if not isinstance(cause, EvorosError | MemoryError | KeyboardInterrupt):
@@ -86,7 +94,7 @@ def explain_end(
         message, status = interrupts.explain()
         if read_json(folder / STATUS).get("state") == FINISHED:
             message += " while drawing figures; the run itself is finished"
-            hint = hint.replace("; to continue", "; to draw them")
+            hint = f"; to draw them, type: {resume_command(folder, config_dir)}" if hint else ""
         return JobResult(status, message + hint)
     log = folder / LOG
     shown = f" (traceback in {log})" if exists(log) else ""

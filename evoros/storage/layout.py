@@ -104,9 +104,9 @@ COLUMNS = "columns"  # columns of ``missions.csv`` without the digest
 AGENTS = "agents"  # names of all robots but the first
 
 
-def resume_command(path: Path, config_dir: str | None = None) -> str:
+def resume_command(path: Path, config_dir: str | None = None, typed: Sequence[str] = ()) -> str:
     """Return the command that resumes a run, by default with its configuration folder."""
-    return shell_line("evoros", "resume", str(path), *name_parts(path, config_dir))
+    return shell_line("evoros", "resume", str(path), *typed, *name_parts(path, config_dir))
 
 
 def name_parts(path: Path, config_dir: str | None = None) -> tuple[str, ...]:

@@ -115,6 +115,13 @@ def test_a_robot_that_stands_still_is_named(distance: float, stands: bool, tmp_p
     assert [text.startswith("alice stood still") for text in doubts] == [True] * stands
 
 
+def test_the_proposed_command_has_what_was_typed(tmp_path: Path) -> None:
+    (tmp_path / "missions.csv").touch()
+    typed = ["stop_after.missions=9"]
+    result = explain_end(None, Interrupts(), tmp_path, KeyboardInterrupt(), typed)
+    assert result.message.endswith(f"type: evoros resume {tmp_path} stop_after.missions=9")
+
+
 def test_an_interrupt_while_figures_are_drawn_leaves_the_run_finished(run: Path) -> None:
     result = explain_end(None, Interrupts(), run, KeyboardInterrupt())
     assert result.status == INTERRUPTED
