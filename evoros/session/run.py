@@ -40,6 +40,7 @@ SEARCH = (  # keys that affect only the search, and not the checks of robots or 
     *("seed", "trials", "draws", "optimizer", "allocation", "validation", "final_choice"),
     *("lost_missions", "record", "figures", "treatment"),
 )
+STOP_AFTER = "stop_after"
 SIZES = {plan.GENERATIONS: "generations", plan.TRIALS: "trials", plan.VALIDATION_TRIALS: "trials"}
 """Keys whose values may be raised on resuming, and their fields in ``status.json``."""
 
@@ -164,7 +165,8 @@ def open_run(
     """Open a run folder to resume the run; resuming a finished run verifies it.
 
     ``overrides`` may change the executor and the observers of a search, and raise the number of
-    generations or trials. ``config_dir`` holds the user's own parts.
+    generations or trials. A finished search goes on only if they raise a limit. ``config_dir``
+    holds the user's own parts.
     """
     with collect_messages() as messages:
         experiment, wanted, _ = rebuild(folder, overrides, config_dir, mends=True)
@@ -172,14 +174,17 @@ def open_run(
         record = RunFolder(folder, log_repair)
         record_modules(folder, list_unrecorded(folder))
         try:
-            task = _resume(record, experiment, wanted)
+            limited = any(word.startswith(STOP_AFTER) for word in overrides)
+            task = _resume(record, experiment, wanted, limited)
         except BaseException:
             record.close()
             raise
     return Session(task, messages)
 
 
-def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Search | Evaluation:
+def _resume(
+    record: RunFolder, experiment: Experiment, wanted: int | None, goes_on: bool
+) -> Search | Evaluation:
     configured = read_recorded(record.path / layout.CONFIG).values
     if not layout.evaluates(record.path):
         for file in find_strays(record.path, record.digests.entries):
@@ -189,7 +194,7 @@ def _resume(record: RunFolder, experiment: Experiment, wanted: int | None) -> Se
         status, limited = record.read_status(), experiment.stop_after != StopAfter()
         extended = limited or not status or bool(status.get("reason"))
         extended |= size != configured["optimizer"]["generations"]
-        return Search(experiment, record, size, extended)
+        return Search(experiment, record, size, extended, not goes_on and wanted is None)
     key, written = plan.find_growing(configured), experiment.plan.evaluation_trials
     if key == plan.TRIALS and SIZES[key] not in record.read_status():  # the status holds the number
         written = max(written, record.rows.trials)
@@ -236,16 +241,17 @@ def reopen_run(
         _require_same_designs(folder, config)
     figures = work.list_figures(folder, config.values.get("figures") or ())
     drawn = all(work.has_figure(folder, name) for name in figures)
-    complete = survey(folder).state == layout.FINISHED and not _has_other_limits(folder, config)
-    if complete and drawn and not _is_damaged(folder):
-        return None
+    if survey(folder).state == layout.FINISHED and not _has_other_limits(folder, config):
+        if drawn and not _is_damaged(folder):
+            return None
+        overrides = [word for word in overrides if not word.startswith(STOP_AFTER)]
     return open_run(folder, overrides, config_dir)
 
 
 def _has_other_limits(folder: Path, config: Configuration) -> bool:
     """Return True if a limit ended the search, and the job's limits differ."""
     recorded = read_recorded(folder / layout.CONFIG).values
-    differ = recorded.get("stop_after") != config.values.get("stop_after")
+    differ = recorded.get(STOP_AFTER) != config.values.get(STOP_AFTER)
     return differ and bool(layout.read_json(folder / layout.STATUS).get("reason"))
 
 

@@ -20,7 +20,7 @@ from evoros.preflight.preflight import preflight
 from evoros.session.given_designs import check_controls
 from evoros.session.observation import Tell, ignore
 from evoros.session.status import Status
-from evoros.storage.layout import RUNNING
+from evoros.storage.layout import FINISHED, RUNNING
 from evoros.storage.run_folder import RunFolder
 from evoros.terminal.activity import tell_slow
 from evoros.terminal.log import LOGGER, log_progress
@@ -57,6 +57,7 @@ class Search(Watcher):
     folder: RunFolder
     generations: int
     extended: bool = False  # whether the search may already have ended at a different generation
+    stays: bool = False  # whether a search that a limit ended is left as it is
     last: Generation | None = None
     certificate: Certificate | None = None  # None until the search ends
     reason: str = ""  # the limits that ended the search; empty if none did
@@ -65,8 +66,11 @@ class Search(Watcher):
     tell: Tell = ignore  # notifies observers of the number of recorded generations
 
     def __post_init__(self) -> None:
-        self.processor_s = list(self.folder.read_status().get("processor_s", ()))
+        status = self.folder.read_status()
+        self.processor_s = list(status.get("processor_s", ()))
         self._before = max(self.processor_s, default=0.0)
+        ended = self.stays and status.get("state") == FINISHED and bool(status.get("reason"))
+        self._ended = (status["generations_done"], status["reason"]) if ended else (0, "")
 
     @property
     def amount(self) -> str:
@@ -116,7 +120,9 @@ class Search(Watcher):
         spent.wall_s = self._status.wall_s
         if len(self.processor_s) == spent.generations - 1 >= self._recorded:
             self.processor_s.append(round(self._before + spent.processor_s, 3))
-        if self._recorded <= spent.generations < self.generations:
+        if spent.generations == self._ended[0]:
+            self.reason = self._ended[1]
+        elif self._recorded <= spent.generations < self.generations:
             self.reason = self.experiment.stop_after.find_reached(spent)
         return bool(self.reason)
 

@@ -124,6 +124,9 @@ def test_each_session_has_its_wall_clock_limit(tmp_path: Path, whole: Path) -> N
     folder = tmp_path / "cut"
     assert tiny(folder, *SIZE, "stop_after.wall_s=1e-9") == DONE
     assert status(folder)["generations_done"] == 1
+    ended = results(folder), status(folder)["reason"]
+    assert evoros(["resume", str(folder)]) == DONE
+    assert (results(folder), status(folder)["reason"]) == ended
     assert evoros(["resume", str(folder), "stop_after.wall_s=1000"]) == DONE
     assert results(folder) == results(whole)
 
