@@ -457,6 +457,17 @@ def test_a_pose_that_is_none_is_named_with_file_and_line(origin: str) -> None:
     assert "\n" not in str(error.value)
 
 
+def test_a_property_without_braces_is_read_as_proposed(tmp_path: Path) -> None:
+    body = '<xacro:property name="up_m" value="0.5"/><link name="a"><inertial>{}</inertial></link>'
+    written = body.format('<origin xyz="{}"/>')
+    root = description.read(write(tmp_path, written.format("up_m")))[1]
+    with pytest.raises(InputError, match=r"or, for a property of xacro, \$\{up_m\}$") as error:
+        read_origin(root[0][0])
+    typed = str(error.value).rpartition(" ")[2]
+    root = description.read(write(tmp_path, written.format(f"0 0 {typed}")))[1]
+    assert read_origin(root[0][0]).position == (0.0, 0.0, 0.5)
+
+
 def test_a_default_namespace_has_no_meaning(tmp_path: Path) -> None:
     """ROS and Gazebo read tags as they are written."""
     text = '<robot xmlns="http://www.ros.org" name="r" xmlns:x="y"><link name="a"/><x:b/></robot>'
