@@ -25,6 +25,7 @@ from evoros.terminal.activity import announce
 from evoros.terminal.log import withhold_messages
 from evoros.world.course import Course
 from evoros.world.floors import GROUND, ground_shapes, has_level_ground, project_ground, settle
+from evoros.world.hollows import fill_hollow
 from evoros.world.loading import free_bodies, read_world
 from evoros.world.model import LOW_M, World
 from evoros.world.standing import stand
@@ -194,7 +195,14 @@ def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggesti
     ground = project_ground(kept)
     if ground == [] or (on_floors and ground and _is_small(ground, [*shapes, *ground])):
         return None
-    return suggest_course(shapes, place.radius_m, ground, place.home)
+    while True:
+        suggestion = suggest_course(shapes, place.radius_m, ground, place.home)
+        if suggestion is None or place.home is not None:
+            return suggestion
+        hollow = fill_hollow(obstacles, np.array(suggestion.course.home[:2]), below)
+        if not hollow:
+            return suggestion
+        shapes += hollow
 
 
 def _is_small(floors: Sequence[Footprint], everything: Sequence[Footprint]) -> bool:
