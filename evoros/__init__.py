@@ -10,7 +10,7 @@ Everything here is imported on first use, so that ``import evoros`` costs nothin
 
 import os
 
-TYPE_CHECKING = False  # importing typing would take longer than everything else here
+TYPE_CHECKING = False  # typing takes longer to import than all else here
 if TYPE_CHECKING:
     from evoros.api import Evaluator, evaluate, resume, run
     from evoros.base.errors import EvorosError, InputError, RunStopped
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from evoros.storage.reading import Run, load_run
 
     __version__: str
-    """The version, derived from git tags; see ``evoros.files.origin``."""
+    """The version from git tags; see ``evoros.files.origin``."""
 
 # fmt: off
 __all__ = [  # noqa: RUF022 - grouped by topic
@@ -42,13 +42,13 @@ __all__ = [  # noqa: RUF022 - grouped by topic
 # fmt: on
 
 _ANALYSIS = os.path.join(os.path.dirname(__file__), "analysis")
-if os.path.isfile(_ANALYSIS):  # a copy of the checkout that lacks its symbolic links
+if os.path.isfile(_ANALYSIS):  # a copy of a checkout without its symbolic links
     raise ImportError(
         f"{_ANALYSIS} must be a symbolic link to ../analysis, but is a file: "
         "this copy lost its symbolic links; clone again with `git -c core.symlinks=true clone`"
     )
 
-if not TYPE_CHECKING:  # otherwise, type checkers would accept any name
+if not TYPE_CHECKING:  # type checkers would otherwise accept any name
     from evoros.base.lazy import import_lazily
 
     _HOMES = {

@@ -1,4 +1,4 @@
-"""The console commands; ``python -m evoros`` is the command ``evoros``."""
+"""The console commands; ``python -m evoros`` is the same as ``evoros``."""
 
 import sys
 from importlib import import_module
@@ -17,7 +17,7 @@ def analyze() -> None:
 
 
 def _start(name: str, module: str) -> None:
-    """Import and run a command; Ctrl-C during the import ends it like Ctrl-C during the run."""
+    """Import and run a command; report Ctrl-C during the import as during the run."""
     try:
         collect_rarely()
         import_module(module).main()

@@ -1,4 +1,4 @@
-"""evoros in scripts and notebooks: the commands as functions.
+"""The Python interface of evoros: its commands as functions for scripts and notebooks.
 
 Example: evaluate the designs of an ask-and-tell optimizer, here ``cma``.
 
@@ -119,7 +119,7 @@ def evaluate(
 
 
 class Evaluator:
-    """A context manager that scores designs and keeps its workers between calls.
+    """A context manager that scores designs with the same workers in each call.
 
     The configuration's optimizer is ignored. Arguments are as in ``run``. The evaluator's methods
     display progress.
@@ -144,7 +144,7 @@ class Evaluator:
 
     @property
     def space(self) -> TeamSpace:
-        """The space that decodes vectors in the unit cube, (space.size,), into designs."""
+        """The space that decodes vectors (space.size,) in the unit cube into designs."""
         return self.experiment.space
 
     def __enter__(self) -> Self:
@@ -167,7 +167,7 @@ class Evaluator:
         return [scoring.compute_fitness(of_design, outcomes) for of_design in missions]
 
     def evaluate(self, designs: Sequence[Design], generation: int = 0) -> ScoredDesigns:
-        """Score designs and return the table of the function ``evaluate``."""
+        """Score designs and return a table as ``evoros.evaluate`` does."""
         missions, outcomes = self._run(designs, generation)
         rows = [
             {"design": i} | self.experiment.scoring.summarize(of_design, outcomes)
@@ -178,7 +178,7 @@ class Evaluator:
         return scored
 
     def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
-        """Run the designs' missions and return a table with the columns of ``missions.csv``."""
+        """Run the missions of designs and return a table with the columns of ``missions.csv``."""
         return self._tabulate(*self._run(designs, generation))
 
     def _tabulate(
@@ -204,7 +204,7 @@ class Evaluator:
             )
         experiment = self.experiment
         designs = list(map(experiment.space.complete, designs))
-        for design in designs:  # an invalid handmade design raises an error here instead of scoring
+        for design in designs:  # an invalid design raises an error here rather than during scoring
             experiment.scenario.equip(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)

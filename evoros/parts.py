@@ -1,4 +1,4 @@
-"""The interface for authors of parts: base classes, values, rules for fields, array indices.
+"""The interface for authors of parts: base classes, values, field rules and array indices.
 
     from evoros.parts import COUNT, Channels, Fault, Generator, checked
 
@@ -65,7 +65,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "checked", "check_order", "invalid", "Rule", "NUMBER", "POSITIVE", "NOT_NEGATIVE",
     "PROBABILITY", "COUNT", "WHOLE", "FLAG", "TEXT", "INTERVAL", "A_FILTER", "FILTERS", "one_of",
     "instance_of", "sequence_of", "mapping_of", "Interval", "bounds",
-    # Arrays, their indices, and the compilation of rules.
+    # Arrays, their indices, and compiled rules.
     "Array", "Matrix", "Started", "X", "Y", "YAW", "SPEED", "YAW_RATE", "CONTACT",
     "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "LEFT_WHEELS", "RIGHT_WHEELS",
     "compilable",
@@ -91,10 +91,10 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Optimizer", "Search", "Space", "CoveringSpace", "View", "Goals", "Individual", "Candidate",
     "Score", "check_scores",
     "Measure", "Evaluated", "Allocation", "Standing",
-    # Fitness, executors and observers.
+    # Fitness functions, executors and observers.
     "Fitness", "AdditiveFitness", "CombiningFitness", "Outcome", "Executor", "Pool",
     "Observer", "Send", "ObservedRun", "ObservedGeneration", "ObservedEnd",
-    # Errors that a part may raise.
+    # Errors that parts may raise.
     "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
 ]
 # fmt: on

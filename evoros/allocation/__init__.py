@@ -1,1 +1,1 @@
-"""Allocations, which choose the number of trials for each design of a generation."""
+"""Allocations, which distribute trials among the designs of a generation."""

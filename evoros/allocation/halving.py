@@ -11,16 +11,16 @@ from evoros.base.checks import COUNT, WHOLE, checked
 @dataclass(frozen=True)
 @checked
 class SequentialHalving(Allocation):
-    """Runs new designs and the best survivors in rounds, each of which keeps the better half.
+    """Runs new designs and the best survivors in rounds; the better half continues.
 
-    The rounds share the budget equally, so designs in later rounds get more trials each. A round
-    gives each design at least the experiment's ``trials``, even if this exceeds the budget.
+    Each round has an equal share of the budget, so designs in later rounds get more trials each.
+    Each design has at least the experiment's ``trials`` per round, even if this exceeds the budget.
     Sources: Karnin, Koren and Somekh, Almost optimal exploration in multi-armed bandits, ICML 2013;
     Jamieson and Talwalkar, Non-stochastic best arm identification, AISTATS 2016.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # number of earlier designs that take part, best first
-    budget: Annotated[int, COUNT] = 3  # total trials divided by the number of participating designs
+    survivors: Annotated[int, WHOLE] = 5  # number of best earlier designs to include
+    budget: Annotated[int, COUNT] = 3  # average trials per included design
     max_trials: Annotated[int, COUNT] = 16  # maximum per design and generation
 
     def most_trials(self, trials: int) -> int:

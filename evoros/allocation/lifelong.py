@@ -1,4 +1,4 @@
-"""An allocation that re-evaluates survivors in each generation and averages all their trials."""
+"""An allocation that evaluates survivors again in each generation and averages all trials."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from evoros.base.checks import COUNT, checked
 @dataclass(frozen=True)
 @checked
 class Lifelong(Allocation):
-    """Runs new designs, and runs the best survivors of the last generation again.
+    """Runs new designs, and repeats the best survivors of the previous generation.
 
-    Further trials correct the fitness of a design that was lucky at first, so lucky designs do not
-    survive for long. Source: Beyer, Evolutionary algorithms in noisy environments, Computer Methods
-    in Applied Mechanics and Engineering 186, 2000, on elitism under noise.
+    Further trials correct the fitness of designs that were lucky in their first trials, so lucky
+    designs do not survive for long. Source: Beyer, Evolutionary algorithms in noisy environments,
+    Computer Methods in Applied Mechanics and Engineering 186, 2000, on elitism under noise.
     """
 
-    survivors: Annotated[int, COUNT] = 10  # number of earlier designs with more trials, best first
+    survivors: Annotated[int, COUNT] = 10  # number of best earlier designs to repeat
     again: Annotated[int, COUNT] = 1  # further trials per survivor
 
     def most_trials(self, trials: int) -> int:

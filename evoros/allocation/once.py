@@ -1,4 +1,4 @@
-"""An allocation of trials to new designs only, as in the 2018 paper on Evo-ROS."""
+"""An allocation with trials for new designs only, as in the 2018 paper on Evo-ROS."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from evoros.allocation.protocol import Allocation, Standing
 
 @dataclass(frozen=True)
 class Once(Allocation):
-    """Evaluates each new design once; the design keeps this fitness for as long as it survives."""
+    """Evaluates each design once; its fitness stays the same while it survives."""
 
     def most_trials(self, trials: int) -> int:
         return trials

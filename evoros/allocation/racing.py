@@ -1,4 +1,4 @@
-"""Races: designs worse than the leader leave, and all other designs get further trials."""
+"""Races, which drop designs that are worse than the leader and run the others again."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from evoros.base.checks import COUNT, WHOLE, Rule, checked, is_number
 from evoros.base.errors import InputError
 
 LEVEL = Rule("a number greater than 0 and less than 0.5", lambda v: is_number(v) and 0 < v < 0.5)
-DIGITS = 6  # decimal places of a quantile, so that all processors give the same race
+DIGITS = 6  # decimal places of a quantile, equal on all processors
 
 
 @dataclass(frozen=True)
@@ -19,17 +19,17 @@ DIGITS = 6  # decimal places of a quantile, so that all processors give the same
 class Racing(Allocation):
     """Races new designs and the best survivors on common random numbers.
 
-    Each round runs one trial of each design in the race. A design then leaves if a one-sided paired
-    t-test places it below the leader. The race ends when ``best`` designs are left, or after
+    Each round runs one trial of each remaining design. A design is then dropped if it is worse than
+    the leader in a one-sided paired t-test. The race ends when ``best`` designs remain, or after
     ``max_trials``. This is the race with uncorrected t-tests by Birattari, Stützle, Paquete and
     Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002). Heidrich-Meisner
     and Igel (ICML 2009) also apply races to evolution strategies.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # number of earlier designs that take part, best first
-    first: Annotated[int, replace(COUNT, limit=1000)] = 2  # trials before a design can leave
+    survivors: Annotated[int, WHOLE] = 5  # number of best earlier designs to include
+    first: Annotated[int, replace(COUNT, limit=1000)] = 2  # number of trials before the first test
     max_trials: Annotated[int, COUNT] = 8  # maximum per design and generation
-    best: Annotated[int, COUNT] = 3  # number of designs left at which the race ends
+    best: Annotated[int, COUNT] = 3  # number of remaining designs that ends the race
     level: Annotated[float, LEVEL] = 0.1  # significance level of each test
 
     def __post_init__(self) -> None:

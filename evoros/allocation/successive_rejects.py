@@ -1,4 +1,4 @@
-"""Successive rejects: a fixed number of trials, in phases that each reject a design."""
+"""Successive rejects: a fixed number of trials, in phases that each reject one design."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ from evoros.base.checks import COUNT, WHOLE, checked
 @dataclass(frozen=True)
 @checked
 class SuccessiveRejects(Allocation):
-    """Run new designs and the best survivors in phases, each of which rejects the worst design.
+    """Runs new designs and the best survivors in phases; each phase rejects the worst design.
 
-    In phase k of K - 1, each remaining design reaches ceil((n - K) / (L (K + 1 - k))) trials,
-    where n is the budget and L = 1/2 + 1/2 + 1/3 + ... + 1/K. Source: Audibert, Bubeck and Munos,
-    Best arm identification in multi-armed bandits, COLT 2010.
+    In phase k of K - 1, each remaining design reaches ceil((n - K) / (L (K + 1 - k))) trials, where
+    n is the budget and L = 1/2 + 1/2 + 1/3 + ... + 1/K. Source: Audibert, Bubeck and Munos, Best
+    arm identification in multi-armed bandits, COLT 2010.
     """
 
-    survivors: Annotated[int, WHOLE] = 5  # number of earlier designs that take part, best first
-    budget: Annotated[int, COUNT] = 3  # total trials divided by the number of participating designs
+    survivors: Annotated[int, WHOLE] = 5  # number of best earlier designs to include
+    budget: Annotated[int, COUNT] = 3  # average trials per included design
     max_trials: Annotated[int, COUNT] = 100  # maximum per design and generation
 
     def most_trials(self, trials: int) -> int:

@@ -1,1 +1,1 @@
-"""External processes for missions: isolation, lockstep pipes and reliable termination."""
+"""External processes of missions: isolation, lockstep pipes and reliable termination."""

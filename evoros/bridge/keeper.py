@@ -1,13 +1,14 @@
-"""A script that starts one command for a mission, and ends the command with all its descendants.
+"""A script that runs one command for a mission and kills all its descendants at the end.
 
-``process.py`` runs the script without ``site``; the argument is the descriptor of a socket. The
-script receives one line of JSON, the order, and sends the mission's sockets and news about the
-command, one line of JSON each. When the other end of the socket closes, the command and its
+``process.py`` runs the script without ``site``; its argument is the file descriptor of a socket.
+The script reads the order, one line of JSON, and sends the mission's sockets and news about the
+command, one line of JSON each. When the other end closes the socket, the command and its
 descendants are killed.
 
 In isolation (a new network, process tree, mounts and shared memory), the kernel kills them when the
-namespaces' first process ends. Otherwise, this process adopts the orphans. bubblewrap cannot
-replace this script, because it lacks multicast, which ROS 2 needs, and sockets must exist first.
+first process of the namespaces ends. Otherwise, this process adopts and kills the orphans.
+bubblewrap cannot replace the script, because it has no multicast, which ROS 2 needs, and the
+sockets must exist first.
 
 Only the standard library is imported, because a process with threads cannot enter a new user
 namespace.
@@ -27,7 +28,7 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-# linux/sched.h, linux/mount.h, linux/sockios.h, linux/if.h
+# Constants in linux/sched.h, linux/mount.h, linux/sockios.h and linux/if.h.
 MOUNTS, IPC, PIDS, NETWORK = 0x20000, 0x8000000, 0x20000000, 0x40000000
 NAMESPACES, NEW_USER = MOUNTS | IPC | PIDS | NETWORK, 0x10000000
 RECURSIVE, PRIVATE = 0x4000, 0x40000
@@ -44,9 +45,9 @@ class RefusedCommand(OSError):
 
 
 def main() -> None:
-    """Serve one order until the command exits or the socket closes."""
+    """Execute one order until the command exits or the socket closes."""
     control = socket.socket(fileno=int(sys.argv[1]))
-    # otherwise the command would keep the socket open after this process exits
+    # otherwise, the command would keep the socket open after this process
     control.set_inheritable(False)
     with control.makefile("rb") as stream:
         order = json.loads(stream.readline())
@@ -65,7 +66,7 @@ def main() -> None:
     for item in sockets.values():
         item.close()
     for descriptor in order["pass"]:
-        os.close(descriptor)  # the other end then notices when the command closes its copy
+        os.close(descriptor)  # the other end is then notified when the command closes its copy
     try:
         wait_for_end(control, child)
     finally:
@@ -77,7 +78,7 @@ def main() -> None:
 
 
 def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str | None]:
-    """Start the command; return the child to watch, its status pipe, and a folder to remove."""
+    """Start the command; return the child process, its status pipe, and a folder to remove."""
     failure, failing = os.pipe()
     status, reporting = os.pipe()
     folder = None if order["isolate"] else make_folder()
@@ -116,22 +117,22 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
 
 def make_folder() -> str:
     """Create an empty temporary folder."""
-    import tempfile  # delayed, because importing it takes as long as starting Python
+    import tempfile  # imported here, because the import takes as long as the start of Python
 
     return tempfile.mkdtemp(prefix="evoros-")
 
 
 def die_with_keeper(failing: int) -> None:
-    """Have the kernel kill this process when its parent, at the other end of the pipe, exits."""
+    """Let the kernel kill this process when its parent, at the other end of the pipe, exits."""
     call("prctl", SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
     broken = select.poll()
-    broken.register(failing, 0)  # poll always reports errors, such as a pipe that nobody reads
+    broken.register(failing, 0)  # poll always reports errors, such as a pipe without a reader
     if broken.poll(0):
         os._exit(1)
 
 
 def prepare_folder(folder: str, files: dict[str, str]) -> None:
-    """Enter the command's folder and write its files."""
+    """Change to the command's folder and write its files."""
     os.chdir(folder)
     for name, text in files.items():
         with open(name, "w", encoding="utf-8") as file:
@@ -139,7 +140,7 @@ def prepare_folder(folder: str, files: dict[str, str]) -> None:
 
 
 def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: int) -> None:
-    """Start the command as the first process of its namespace, wait for it, and exit."""
+    """Start the command as first process of a namespace, wait for its end, and exit."""
     command = os.fork()
     if command == 0:
         execute(order["command"], ports, HOME)
@@ -154,9 +155,9 @@ def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: 
 
 
 def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
-    """Replace this process with the command; raise a RefusedCommand if that fails."""
+    """Replace this process with the command; raise a RefusedCommand on failure."""
     os.environ.update(HOME=folder, TMPDIR=folder, PWD=folder)
-    for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python changes these handlers
+    for changed in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # handlers changed by Python
         signal.signal(changed, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     for name, port in ports.items():
@@ -168,7 +169,7 @@ def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
 
 
 def wait_for_end(control: socket.socket, child: int) -> None:
-    """Wait until the child exits, or until the other end of the socket closes."""
+    """Wait until the child exits or the other end closes the socket."""
     waiting = select.poll()
     waiting.register(control, select.POLLIN)
     waiting.register(os.pidfd_open(child), select.POLLIN)
@@ -176,24 +177,24 @@ def wait_for_end(control: socket.socket, child: int) -> None:
 
 
 def end(child: int) -> int:
-    """Kill the child with its namespace; return the child's status."""
-    os.kill(child, signal.SIGKILL)  # safe: a child that has exited keeps its id until waitpid
+    """Kill the child and its namespace; return the child's status."""
+    os.kill(child, signal.SIGKILL)  # safe, because an exited child keeps its id until waitpid
     return os.waitpid(child, 0)[1]
 
 
 def end_orphans() -> None:
-    """Kill the processes that the command left behind, which are now children of this process."""
+    """Kill the processes left by the command, which are now children of this process."""
     while True:
         for orphan in children():
             os.kill(orphan, signal.SIGKILL)
         try:
-            os.waitpid(-1, 0)  # killing a process may orphan its children
+            os.waitpid(-1, 0)  # the orphans may have children
         except ChildProcessError:
             return
 
 
 def remove(folder: str) -> None:
-    """Remove a folder, even if the command made it read-only."""
+    """Remove a folder, even if the command has made it read-only."""
     import shutil  # delayed like tempfile
 
     for place, folders, _ in os.walk(folder):
@@ -218,7 +219,7 @@ def children() -> list[int]:
 
 
 def read_status(pipe: int, code: int) -> int:
-    """Return the command's status as reported by its namespace, otherwise the child's status."""
+    """Return the command's status as reported in the pipe, or else the child's status."""
     os.set_blocking(pipe, False)
     try:
         reported = os.read(pipe, 4)
@@ -228,7 +229,7 @@ def read_status(pipe: int, code: int) -> int:
 
 
 def tell(control: socket.socket, files: list[socket.socket] | None = None, **news: object) -> None:
-    """Send a line of news with sockets, ignoring errors if the other end is gone."""
+    """Send a line of news with sockets; ignore a closed other end."""
     ancillary = []
     if files:
         descriptors = array.array("i", [item.fileno() for item in files])
@@ -238,7 +239,7 @@ def tell(control: socket.socket, files: list[socket.socket] | None = None, **new
 
 
 def call(name: str, *arguments: object) -> None:
-    """Call a C library function; raise an OSError with the function's name on failure."""
+    """Call a C library function; raise an OSError with its name on failure."""
     if getattr(LIBC, name)(*arguments) != 0:
         code = ctypes.get_errno()
         raise OSError(code, os.strerror(code), name)
@@ -249,12 +250,12 @@ def isolate() -> None:
     unshare()
     try:
         raise_loopback()
-    except OSError as error:  # happens in a user namespace without permissions
+    except OSError as error:  # occurs in user namespaces without permissions
         raise OSError(error.errno, error.strerror, "unshare: loopback") from None
 
 
 def unshare() -> None:
-    """Enter new namespaces, in a new user namespace if necessary; raise an OSError if refused."""
+    """Enter new namespaces, if necessary in a new user namespace; raise an OSError on failure."""
     user, group = os.geteuid(), os.getegid()
     try:
         call("unshare", NAMESPACES)
@@ -278,7 +279,7 @@ def mount(source: bytes, target: bytes, kind: bytes | None, flags: int = 0) -> N
 
 
 def raise_loopback() -> None:
-    """Bring up the loopback interface with multicast, which ROS 2 needs to discover nodes."""
+    """Enable the loopback interface and multicast, which ROS 2 needs to discover nodes."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         request = struct.pack("16sh", b"lo", 0)
         flags = struct.unpack("16sh", fcntl.ioctl(any_socket, GET_FLAGS, request))[1]
@@ -296,7 +297,7 @@ def make_sockets(kinds: dict[str, str]) -> tuple[dict[str, socket.socket], dict[
         if stream:
             item.listen()
         if kind == "port":
-            free.append(item)  # closed once all are bound, so that all ports differ
+            free.append(item)  # closed after all are bound, so that all ports differ
         else:
             kept[name] = item
     for item in free:

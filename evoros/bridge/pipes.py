@@ -1,4 +1,4 @@
-"""Pipes to an external process, and the lines exchanged over them in lockstep."""
+"""Pipes to an external process, and an exchange of lines in lockstep."""
 
 import os
 import select
@@ -12,13 +12,13 @@ from evoros.bridge.process import OutsideProcess, start_process
 _READ_BYTES = 4096
 _LONGEST_LINE = 1 << 20  # maximum length [bytes] of a line
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
-"""Environment variables with the descriptors of a program's pipes; standard output stays free."""
+"""Environment variables with the descriptors of the pipes; a program's standard output is free."""
 ENDING_S = 1.0
-"""Time limit [s] for a process to exit after its pipes close, long enough on a busy machine."""
+"""Time limit [s] for a process to exit after its pipes are closed, even on a busy machine."""
 
 
 class Pipes:
-    """Sends and receives bytes within time limits; for use by a single thread."""
+    """Sends and receives bytes with time limits; for use by one thread."""
 
     def __init__(self, process: OutsideProcess, sending: int, receiving: int) -> None:
         self.process = process
@@ -27,7 +27,7 @@ class Pipes:
         os.set_blocking(receiving, False)
         self._readable = select.poll()
         self._readable.register(receiving, select.POLLIN)
-        # Descendants may keep a pipe open after the process ends.
+        # Descendants may keep a pipe open after the process has exited.
         self._readable.register(process, select.POLLIN)
         self._writable = select.poll()
         self._writable.register(sending, select.POLLOUT)
@@ -35,11 +35,11 @@ class Pipes:
         self._limit_s, self._until, self._time = 0.0, 0.0, None  # type: tuple[float, float, float | None]
 
     def begin(self, limit_s: float, time: float | None) -> None:
-        """Start an exchange with a wall-clock limit [s] at a mission's ``time`` [s]."""
+        """Start an exchange with a time limit [s] (wall clock) at the mission's ``time`` [s]."""
         self._limit_s, self._until, self._time = limit_s, monotonic() + limit_s, time
 
     def send(self, data: bytes) -> None:
-        """Send bytes; raise a PilotLost if the process exited or did not read in time."""
+        """Send bytes; raise a PilotLost if the process exited or does not read in time."""
         while data:
             try:
                 data = data[os.write(self._sending, data) :]
@@ -55,14 +55,14 @@ class Pipes:
         self._wait(self._readable, "did not answer within")
         try:
             data = os.read(self._receiving, size)
-        except BlockingIOError:  # the process exited, but descendants keep the pipe open
+        except BlockingIOError:  # the process exited, but a descendant keeps the pipe open
             raise self.process.lost("ended", self._time) from None
         if not data:
             raise self.closed("output")
         return data
 
     def has_come(self) -> bool:
-        """Return True if there is output to read; raise PilotLost if the output is closed."""
+        """Return True if there is output to read; raise a PilotLost if the pipe is closed."""
         try:
             if os.read(self._receiving, 1):
                 return True
@@ -71,7 +71,7 @@ class Pipes:
         raise self.closed("output")
 
     def closed(self, pipe: str) -> PilotLost:
-        """Create the error for a process that closed a pipe, probably because it exited."""
+        """Return the error for a process that closed a pipe, most likely by exiting."""
         self.process.running(wait_s=ENDING_S)
         return self.process.lost(f"closed its {pipe}", self._time)
 
@@ -102,7 +102,7 @@ def start_pipes(
 
 
 class LineConversation:
-    """Exchanges lines with a process; for use by a single thread."""
+    """Exchanges lines with a process; for use by one thread."""
 
     def __init__(self, pipes: Pipes) -> None:
         self._pipes, self.process = pipes, pipes.process
@@ -110,7 +110,7 @@ class LineConversation:
     def ask(self, line: bytes, limit_s: float, time: float | None = None) -> bytes:
         """Send a line; return the answer within ``limit_s`` [s], at the mission's ``time`` [s]."""
         self._pipes.begin(limit_s, time)
-        if self._pipes.has_come():  # unexpected output after the last answer
+        if self._pipes.has_come():  # output that was not requested
             raise self._too_much(time)
         self._pipes.send(line + b"\n")
         received = b""

@@ -1,4 +1,4 @@
-"""An external process for one mission, from start-up to exit."""
+"""An external process that is started for a mission and ends with it."""
 
 import json
 import os
@@ -20,39 +20,39 @@ from evoros.executor.protocol import ONE_THREAD
 
 KEEPER = Path(__file__).with_name("keeper.py")
 LOG_BYTES, WORDS = 65_536, 400
-"""Maximum process output to keep [bytes], and to quote in a message [characters]."""
+"""Maximum length of the output kept [bytes] and of the output quoted in messages [characters]."""
 PERSONAL = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
-"""Variables that refer to files outside the mission's home folder."""
+"""Environment variables that name folders outside the mission's home folder."""
 END_LIMIT_S = 10.0
 
 
 @dataclass
 class OutsideProcess:
-    """An external process, started from a command; for use by a single thread."""
+    """An external process; for use by one thread."""
 
     name: str
     sockets: Mapping[str, socket.socket]  # created in the command's network
     ports: Mapping[str, int]
     _control: socket.socket
     _log: IO[bytes]
-    _ended: int | None = field(default=None)  # exit status as returned by waitpid
+    _ended: int | None = field(default=None)  # status from waitpid; None while running
 
     def fileno(self) -> int:
-        """Return a descriptor that becomes readable when the process exits."""
+        """Return a descriptor that is readable after the process has exited."""
         return self._control.fileno()
 
     def running(self, wait_s: float = 0.0) -> bool:
-        """Return True if the process still runs after ``wait_s`` [s]."""
+        """Return True if the process is still running after ``wait_s`` [s]."""
         if self._ended is None and select.select([self._control], [], [], wait_s)[0]:
             news, _ = _receive(self._control)
             self._ended = int(news.get("ended", signal.SIGKILL))
         return self._ended is None
 
     def lost(self, what: str, time: float | None = None) -> PilotLost:
-        """Create the error for a process that exited or hangs, with its status and last output.
+        """Return the error for a process that exited or hangs, with its status and last output.
 
-        If the process still runs, the error says ``what`` it did, for example ``did not answer
-        within 10 s``. ``time`` is the mission's time [s] if the mission has started.
+        For a process that still runs, ``what`` says what it did, for example ``did not answer
+        within 10 s``. ``time`` [s] is the mission's time; None before the start.
         """
         if not self.running(wait_s=0.2):
             what = f"ended {_describe(self._ended or 0)}"
@@ -79,14 +79,14 @@ def start_process(
     sockets: Mapping[str, str] | None = None,
     files: Mapping[str, str] | None = None,
 ) -> Iterator[OutsideProcess]:
-    """Start a command in an empty home folder; leaving the context kills the command.
+    """Start a command in an empty home folder; kill it when the context exits.
 
-    In isolation, the command gets a new network, process tree, mounts and shared memory
-    (namespaces). ``sockets`` maps names to ``udp``, ``tcp`` (listening) or ``port`` (a free port),
-    created in the command's network before it starts; ``{name}`` in the command becomes the port.
-    ``files`` maps the names of files in the folder to their contents. The command inherits the
-    descriptors ``pass_fds``. The command's processes and files are removed even if this process is
-    killed.
+    In isolation, the command has a new network, process tree, mounts and shared memory
+    (namespaces). ``sockets`` maps names to ``udp``, ``tcp`` (listening) or ``port`` (a free port);
+    the sockets exist in the command's network before the start, and ``{name}`` in the command is
+    replaced with the port. ``files`` maps names of files in the folder to contents. The command
+    inherits the descriptors ``pass_fds``. Its processes and files are removed even if this process
+    is killed.
     """
     if sys.platform != "linux":
         raise LaunchError(
@@ -101,9 +101,9 @@ def start_process(
         log = stack.enter_context(TemporaryFile(buffering=0))
         with theirs:
             keeper = _start_keeper(theirs, pass_fds, environment or {}, log)
-        folders: list[str] = []  # temporary folders, if the command is not isolated
+        folders: list[str] = []  # temporary folders of a command without isolation
         stack.callback(_clean_up, keeper, folders)
-        stack.enter_context(ours)  # closing the socket makes the keeper kill everything
+        stack.enter_context(ours)  # the keeper kills everything when the socket closes
         with suppress(BrokenPipeError, ConnectionResetError):  # the keeper was killed
             ours.sendall(json.dumps(order).encode() + b"\n")
         news, descriptors = _receive(ours, len(order["sockets"]))
@@ -134,12 +134,12 @@ def _start_keeper(
 
 
 def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None:
-    """Wait until the keeper has killed everything, or do so here if the keeper was killed."""
-    if keeper.poll() is None:  # otherwise the process id may be in use again
+    """Wait until the keeper has killed everything; if the keeper was killed, do its work."""
+    if keeper.poll() is None:  # otherwise its process id may be reused
         _await_end(keeper)
     if keeper.wait() != 0:
         for folder in folders:
-            while residents := list(_list_residents(folder)):  # processes may start other processes
+            while residents := list(_list_residents(folder)):  # processes may have started others
                 for process in residents:
                     with suppress(ProcessLookupError):
                         os.kill(process, signal.SIGKILL)
@@ -147,13 +147,13 @@ def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None
 
 
 def _await_end(keeper: "subprocess.Popen[bytes]") -> None:
-    """Wait for the keeper to exit; Popen.wait would sleep up to twice as long."""
+    """Wait for the keeper to exit; Popen.wait could sleep up to twice as long."""
     ended = select.poll()
     descriptor = os.pidfd_open(keeper.pid)
     ended.register(descriptor, select.POLLIN)
     try:
-        if not ended.poll(1000.0 * END_LIMIT_S):  # the keeper was stopped
-            keeper.kill()  # the kernel then kills the namespace, or the command if there is none
+        if not ended.poll(1000.0 * END_LIMIT_S):  # the keeper is stopped
+            keeper.kill()  # the kernel then kills the namespace or the command
     finally:
         os.close(descriptor)
 
@@ -166,7 +166,7 @@ def _list_residents(home: str) -> Iterator[int]:
 
 
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
-    """Receive one line of news, and up to ``sockets`` descriptors; empty if the keeper exited."""
+    """Receive one line of news and up to ``sockets`` descriptors; empty after the keeper's exit."""
     data, descriptors = b"", []
     while not data.endswith(b"\n"):
         try:

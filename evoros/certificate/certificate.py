@@ -1,4 +1,4 @@
-"""The certificate of a champion: its fitness and completion rates, measured on fresh draws."""
+"""The certificate of a champion: its fitness and completion rates on fresh draws."""
 
 import json
 import math
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Rate:
-    """The champion's completion rate in a world, with the rate's interval."""
+    """The champion's completion rate in a world, with a confidence interval."""
 
     completed: int
     trials: int
@@ -19,19 +19,19 @@ class Rate:
 
 @dataclass(frozen=True)
 class Rival:
-    """Another design that was validated on the champion's draws."""
+    """A design that was validated on the same draws as the champion."""
 
     design: int
     trials: int
-    fitness: float  # fitness in these trials
+    fitness: float  # fitness in the validation trials
     low: float  # lower end of the fitness interval, simultaneous for all rivals; NaN if unknown
     high: float
-    led: bool  # True: best of a generation; False: runner-up of the last generation
+    led: bool  # True: best of a generation; False: runner-up in the last generation
 
 
 @dataclass(frozen=True)
 class Finalist:
-    """A finalist, with its fitness before and in the final choice."""
+    """A finalist, and its fitness before and in the final choice."""
 
     design: int
     fitness: float  # fitness during evolution
@@ -41,32 +41,32 @@ class Finalist:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The champion's fitness, success and rivals on fresh draws."""
+    """The fitness, completion rates and rivals of a champion on fresh draws."""
 
     design: int
-    recorded_fitness: float  # the fitness by which the champion was selected
+    recorded_fitness: float  # fitness that led to the champion's selection
     recorded_trials: int
     validated_fitness: float  # NaN without validation trials
     validated_trials: int
     confidence: float  # confidence level of each interval
-    fitness_low: float  # interval over all fresh draws; NaN if unknown
+    fitness_low: float  # lower end of the interval from all fresh draws; NaN if unknown
     fitness_high: float
     precision: float | None  # required half-width of the interval
-    # Estimated number of trials that would reach a missed precision; None if the precision was
-    # reached or is far out of reach.
+    # Estimated number of trials that would reach a missed precision; None if it was reached or is
+    # out of reach.
     precision_trials: int | None
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
-    # Upper confidence bound on the best rival's advantage; NaN if unknown.
+    # Upper confidence bound of the best rival's advantage; NaN if unknown.
     rival_advantage: float
     finalists: Sequence[Finalist]  # best first; empty without a final choice
-    # Completion rates of missions in which a part other than a sensor failed, by part and effect
+    # Completion rates of missions with a failure of another part than a sensor, by part and effect
     # (``steering: stuck``).
     failed_parts: Mapping[str, Rate] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
-        """The content of ``certificate.json``; unknown numbers are null."""
+        """The text of ``certificate.json``; null for unknown numbers."""
         content = asdict(self)
         if not self.failed_parts:
             del content["failed_parts"]
@@ -74,7 +74,7 @@ class Certificate:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """The certificate's fields in ``status.json``."""
+        """The fields of the certificate in ``status.json``."""
         fields = {
             "best_fitness": self.recorded_fitness,
             "best_validated_fitness": self.validated_fitness,
@@ -87,7 +87,7 @@ class Certificate:
 
 
 def _nulls(value: Any) -> Any:
-    """Replace NaN with None, because JSON has no NaN."""
+    """Replace NaN by None, because JSON has no NaN."""
     if isinstance(value, dict):
         return {key: _nulls(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Confirms each generation's best designs in another simulator or with another controller."""
+"""Confirmation of each generation's best designs in another simulator or with other software."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,21 +16,22 @@ Confirm = Callable[[list[int]], Mapping[int, float]]  # fitness by design
 class Confirmation:
     """Repeats the missions of each generation's best new designs in ``simulator``.
 
-    The confirmed fitness replaces the screened one, so that a search cannot exploit the
-    simplifications of its simulator. Confirmations use ``controller``, for example the real robot's
-    software, instead of the run's controller.
+    The confirmed fitness replaces the original one, so that a search cannot exploit simplifications
+    of its simulator. Confirmations use ``controller``, for example the real robot's software, in
+    place of the run's controller.
     """
 
     simulator: Annotated[Simulator, A_SIMULATOR]
-    best: Annotated[int, COUNT] = 3  # top-ranked new designs to confirm in each generation
+    best: Annotated[int, COUNT] = 3  # number of best new designs to confirm in each generation
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
 
     def confirm_best(self, screened: Mapping[int, float], confirm: Confirm) -> dict[int, float]:
-        """Confirm designs until the top ``best`` are confirmed; return their fitness by id.
+        """Confirm designs until the ``best`` ones are all confirmed; return their fitness by id.
 
-        ``screened`` has the fitness of all new designs in the run's own simulator, and ``confirm``
-        returns the fitness of some designs in the confirming simulator. Designs rank by confirmed
-        fitness if known, and by screened fitness otherwise. Ties keep the order of ``screened``.
+        ``screened`` is the fitness of all new designs in the run's simulator; ``confirm`` returns
+        the fitness of given designs in the confirming simulator. Designs are ranked by confirmed
+        fitness, or by screened fitness if they are unconfirmed. Ties keep the order of
+        ``screened``.
         """
         confirmed: dict[int, float] = {}
         while True:

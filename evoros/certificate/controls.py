@@ -1,4 +1,4 @@
-"""The controls of a run: designs that its champion should beat."""
+"""The controls of a run: designs that its champion is expected to beat."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ DESIGNS = Rule(
 @dataclass(frozen=True)
 @checked
 class Controls:
-    """Designs to compare the champion of a finished run with, on the same fresh draws.
+    """Designs that are compared with the champion of a finished run, on the same fresh draws.
 
     ``NO_SENSORS`` is the champion without sensors, ``RANDOM`` the best design of a random search
-    with as many designs, and any other string a CSV file of hand-made designs.
+    with an equal number of designs, and any other string a CSV file of hand-made designs.
     """
 
     designs: Annotated[Sequence[str], DESIGNS] = (NO_SENSORS, RANDOM)
-    trials: Annotated[int, COUNT] = 40  # missions of each design in each world
+    trials: Annotated[int, COUNT] = 40  # missions of each design per world
 
 
 SOME_CONTROLS = instance_of(Controls, "controls (evoros.certificate.controls.Controls)")

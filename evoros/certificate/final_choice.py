@@ -1,4 +1,4 @@
-"""The choice of the champion from a run's best designs, on fresh draws."""
+"""The final choice of the champion among a run's best designs, on fresh draws."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ AN_ALLOCATION = instance_of(Allocation, "an allocation (a subclass of evoros.par
 @dataclass(frozen=True)
 @checked
 class FinalChoice:
-    """Tries the best designs on fresh draws after the last generation; ``method`` allocates trials.
+    """Runs the best designs on fresh draws after the last generation, as allocated by ``method``.
 
-    The champion is the best of the designs that stayed longest (best-arm identification). Earlier
-    scores do not count, because they selected the finalists.
+    The champion is the best of the designs that remain in the last round (best-arm identification).
+    Earlier scores are ignored, because the finalists were selected by them.
     """
 
     method: Annotated[Allocation, AN_ALLOCATION]
-    finalists: Annotated[int, COUNT] = 20  # best designs of the whole run
+    finalists: Annotated[int, COUNT] = 20  # number of best designs of the whole run
 
     def find_finalists(self, fitness: Mapping[int, float]) -> list[int]:
-        """Return the ids of the fittest designs, best first; of equals, the oldest first."""
+        """Return the ids of the fittest designs, best first; ties are sorted by id."""
         return sorted(fitness, key=lambda i: (-fitness[i], i))[: self.finalists]
 
 

@@ -1,8 +1,8 @@
-"""Confidence intervals of a rate, of the difference between two rates, and of bounded scores.
+"""Confidence intervals for rates, for differences between rates, and for means of bounded scores.
 
-The interval of a mean adds the minimum score to the observed scores for its lower end, and the
-maximum score for its upper end, to allow for rare failures. The ends are quantiles of the mean
-under random weights (n + 1,) that sum to 1 (uniform Dirichlet distribution).
+To allow for rare failures, the interval of a mean adds the minimum score to the observed scores for
+its lower end, and the maximum score for its upper end. The ends are quantiles of the mean with
+random weights (n + 1,) that sum to 1 (uniform Dirichlet distribution).
 
 Source: Gaffke, Three test statistics for a nonparametric one-sided hypothesis on the mean of a
 nonnegative variable, Mathematical Methods of Statistics 14, 2005; Learned-Miller and Thomas, A new
@@ -22,7 +22,7 @@ from evoros.base.arrays import Array
 from evoros.certificate.roots import find_root
 
 Bounds = tuple[float, float]
-DIGITS = 6  # decimals of results, so that all processors agree
+DIGITS = 6  # decimal places of results, equal on all processors
 
 
 def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
@@ -36,7 +36,7 @@ def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
 
 
 def _find_rate(successes: int, trials: int, chance: float) -> float:
-    """Return the rate that gives at least this number of successes with a probability."""
+    """Return the rate at which at least this number of successes has a given probability."""
     numbers = np.arange(successes, trials + 1)
     gammas = [math.lgamma(k + 1) + math.lgamma(trials - k + 1) for k in numbers.tolist()]
     ways = math.lgamma(trials + 1) - np.array(gammas)  # logarithms of binomial coefficients
@@ -49,7 +49,7 @@ def _find_rate(successes: int, trials: int, chance: float) -> float:
 
 
 def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence: float) -> Bounds:
-    """Return an interval for the first rate minus the second, each given as (successes, trials).
+    """Return the interval of the difference first - second; both rates are (successes, trials).
 
     It excludes 0 if Fisher's exact test, one-sided at half the error rate, finds a difference.
     Source: Fay, Proschan and Brittain, Combining one-sample confidence procedures for inference in
@@ -61,7 +61,7 @@ def bound_difference(first: tuple[int, int], second: tuple[int, int], confidence
 
 
 def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -> float:
-    """Return an interval's lower end: a quantile of the difference between two Beta variables."""
+    """Return the lower end of an interval: a quantile of the difference of two Beta variables."""
     (successes, trials), (others, of) = first, second
     if not successes:
         return -bound_rate(others, of, 1 - 2 * tail)[1]
@@ -78,18 +78,18 @@ def _bound_below(first: tuple[int, int], second: tuple[int, int], tail: float) -
 
 @cache
 def _list_chances() -> tuple[Array, Array]:
-    """Return the chances at which quantiles are computed, and their weights in an integral."""
+    """Return the probabilities at which quantiles are computed, and their integration weights."""
     nodes, weights = np.polynomial.legendre.leggauss(200)
-    chances = (nodes + 1) ** 2 * (2 - nodes) / 4  # denser at both ends, where quantiles are steep
-    return chances, weights * 3 * (1 - nodes**2) / 4  # chain rule of the change of variable
+    chances = (nodes + 1) ** 2 * (2 - nodes) / 4  # denser near 0 and 1, where quantiles are steep
+    return chances, weights * 3 * (1 - nodes**2) / 4  # derivative of the substitution
 
 
 def share_level(confidence: float, tests: int) -> float:
-    """Return the confidence needed per test so that all tests together have ``confidence``."""
+    """Return the confidence that each of the tests needs for a joint ``confidence``."""
     return 1 - (1 - confidence) / tests  # Bonferroni
 
 
-LOWER_SHARE = 0.8  # share of the error rate for the lower end, as failures are costly
+LOWER_SHARE = 0.8  # share of the error rate for the lower end, because failures are costly
 _GRID = np.linspace(0.0, 7.0, 80)
 _STEPS, _AREAS = np.sinh(_GRID), np.cosh(_GRID) * (_GRID[1] - _GRID[0])
 _AREAS[0] /= 2
@@ -100,10 +100,10 @@ def bound_mean(
 ) -> Bounds:
     """Return an interval that contains the mean score with at least the given confidence.
 
-    ``scores`` are independent, lie between ``lowest`` and ``highest``, and may have any
-    distribution. Their expected values may differ by kind (for example by world) if the number of
-    each kind is fixed; the interval then covers the mean over the kinds. Without scores, the
-    interval extends from ``lowest`` to ``highest``. Each score counts ``repeats`` times.
+    ``scores`` are independent, between ``lowest`` and ``highest``, and have any distribution. Their
+    expected values may differ between kinds (for example worlds) if the number of each kind is
+    fixed; the interval then covers the mean over the kinds. Without scores, it extends from
+    ``lowest`` to ``highest``. Each score counts ``repeats`` times.
     """
     values = np.asarray(scores, float)
     error = 1 - confidence
@@ -113,18 +113,18 @@ def bound_mean(
 
 
 def guess_highest(scores: Sequence[float], best: float) -> float:
-    """Return an assumed maximum score for a fitness without a maximum."""
+    """Return an assumed maximum score for a fitness without an upper bound."""
     top = max(best, *scores)
     return 2 * top - float(np.median(scores))
 
 
 def _find_quantile(values: Array, end: float, chance: float, repeats: int) -> float:
-    """Return a quantile of the weighted mean of the values (n,) and an ``end`` below them."""
+    """Return a quantile of the weighted mean of the values (n,) and a value ``end`` below them."""
     distinct, places = np.unique(np.append(end, values), return_inverse=True)
     if len(distinct) == 1 or distinct[0] < end:
         return float(distinct[0])
     counts = repeats * np.bincount(places).astype(np.float64)
-    counts[0] -= repeats - 1  # the end value counts only once
+    counts[0] -= repeats - 1  # the end value is not repeated
     scale = float(distinct[-1] - end)
     shares = (distinct - end) / scale
 
@@ -140,7 +140,7 @@ def _find_quantile(values: Array, end: float, chance: float, repeats: int) -> fl
 
 
 def _find_chance(rates: Array, counts: Array) -> float:
-    """Return the probability that ``counts`` exponential variables per rate sum to at most 0."""
+    """Return the probability that the sum of ``counts`` exponential variables per rate is <= 0."""
     # The moment-generating function is integrated (Bromwich) through its saddle point.
     edge = 1 / float(rates[0])
     spread = 1 / math.sqrt(float(counts @ (rates * rates)))

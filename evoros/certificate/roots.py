@@ -1,4 +1,4 @@
-"""Brent's method, with the bits of ``scipy.optimize.brentq``, whose import takes 0.3 s.
+"""Brent's method with the exact results of ``scipy.optimize.brentq``, which imports slowly.
 
 Source: Brent, Algorithms for Minimization Without Derivatives, 1973, chapter 4.
 """
@@ -16,7 +16,7 @@ def find_root(function: Callable[[float], float], low: float, high: float, xtol:
     if at_old == 0:
         return old
     while at_best != 0:
-        if at_old != 0 and (at_old < 0) != (at_best < 0):  # the root lies between best and other
+        if at_old != 0 and (at_old < 0) != (at_best < 0):  # the root is between best and other
             other, at_other, last, step = old, at_old, best - old, best - old
         if abs(at_other) < abs(at_best):
             old, best, other = best, other, best
@@ -39,7 +39,7 @@ Point = tuple[float, float]
 
 
 def _interpolate(old: Point, best: Point, other: Point) -> float:
-    """Return the step from ``best`` to the root of an inverse quadratic function, or of a line."""
+    """Return the step from ``best`` to a root by inverse quadratic or linear interpolation."""
     (x, y), (x1, y1), (x2, y2) = old, best, other
     if x == x2:
         return -y1 * (x1 - x) / (y1 - y)

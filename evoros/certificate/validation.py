@@ -1,4 +1,4 @@
-"""Settings for the validation of a champion, and the schedule of precision tests."""
+"""Settings for the validation of champions, and the schedule of precision tests."""
 
 import math
 from collections.abc import Sequence
@@ -17,15 +17,15 @@ CONFIDENCE = Rule("a number from 0.5 to 0.999", lambda v: is_number(v) and 0.5 <
 @dataclass(frozen=True)
 @checked
 class Validation:
-    """Trials on fresh draws that estimate a champion's fitness and success.
+    """Trials on fresh draws that estimate the fitness and completion rates of a champion.
 
     With a ``precision``, trials are added until the fitness interval is narrow enough, or up to
-    ``max_trials``. ``list_looks`` fixes in advance after which numbers of trials the interval is
-    tested, and the tests share the error rate, so stopping early costs no confidence.
+    ``max_trials``. ``list_looks`` sets in advance the numbers of trials after which the interval is
+    tested. The tests share the error rate, so early stopping does not reduce the confidence.
     """
 
     trials: Annotated[int | None, TRIALS] = None  # None: optimizer.validation_trials
-    precision: Annotated[float | None, PRECISION] = None  # half-width of the fitness interval
+    precision: Annotated[float | None, PRECISION] = None  # required half-width of the interval
     max_trials: Annotated[int, COUNT] = 200
     confidence: Annotated[float, CONFIDENCE] = 0.95  # confidence level of each interval
     rivals: Annotated[int, WHOLE] = 0  # number of other designs to validate
@@ -41,7 +41,7 @@ class Validation:
 A_VALIDATION = instance_of(Validation, "a validation (evoros.certificate.validation.Validation)")
 
 
-GROWTH = 1.5  # ratio of the numbers of trials at consecutive looks
+GROWTH = 1.5  # ratio between the numbers of trials at successive looks
 FEWEST = 5  # minimum number of trials at the first look
 MOST_REPEATS = 10_000
 
@@ -49,9 +49,9 @@ MOST_REPEATS = 10_000
 def list_looks(validation: Validation, trials: int, missions: int, room: Bounds) -> list[int]:
     """Return the numbers of trials after which the precision is tested, up to ``max_trials``.
 
-    Each number is at least ``trials``, and large enough that the interval can be as narrow as the
-    precision demands. ``room`` has the distances from the fitness to its minimum and maximum (0 if
-    unknown), and each trial has ``missions`` scores. All arguments must be known before the trials.
+    Each number is at least ``trials``, and large enough for an interval as narrow as the precision.
+    ``room`` has the distances from the fitness to its minimum and maximum (0 if unknown), and each
+    trial has ``missions`` scores. All arguments must be known before the trials.
     """
     looks = [max(trials, validation.max_trials)]
     while True:
@@ -65,7 +65,7 @@ def list_looks(validation: Validation, trials: int, missions: int, room: Bounds)
 
 
 def foresee_trials(validation: Validation, missions: int, bounds: Sequence[float]) -> str:
-    """Describe the minimum number of trials that the precision needs; empty if unknown."""
+    """Describe the minimum number of trials for the precision; empty if unknown."""
     if not _is_known(validation, bounds):
         return ""
     level = (bounds[1] - bounds[0]) / 2
@@ -82,7 +82,7 @@ def _is_known(validation: Validation, bounds: Sequence[float]) -> bool:
 
 
 def check_precision(validation: Validation, missions: int, bounds: Sequence[float]) -> None:
-    """Check that a design of medium fitness can reach the precision within ``max_trials``."""
+    """Check that a design of medium fitness can reach the precision in ``max_trials``."""
     if not _is_known(validation, bounds):
         return
     level = (bounds[1] - bounds[0]) / 2

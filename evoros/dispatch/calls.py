@@ -1,4 +1,4 @@
-"""Calls that workers run: several short missions, one long mission, or a batch on a device."""
+"""Calls for workers: several short missions, one long mission, or a batch on a device."""
 
 import pickle
 import zlib
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 CallResult = tuple[Outcomes, Array | None]
-"""The outcomes of a mission, and its trajectory if that is to be stored."""
+"""The outcomes of a mission, and its trajectory if requested."""
 
 
 class CallAnswer(NamedTuple):
@@ -29,25 +29,25 @@ class CallAnswer(NamedTuple):
     results: list[CallResult]
     timed: int = 0
     seconds: float = 0.0
-    note: str = ""  # message to log once
+    note: str = ""  # message that is logged once
     processor_s: float = 0.0  # processor time [s] of the call
 
 
-# Time after which a worker returns a call's remaining missions: a call takes little longer than its
-# last mission, so one time limit suits calls and missions.
+# Time after which a worker returns a call's remaining missions. A call takes little longer than its
+# last mission, so calls and missions can have the same time limit.
 CALL_S = 0.1
 CALLS_PER_S = 250  # maximum rate of calls in the main process; with many workers, calls are longer
-FIRST = 1  # number of missions in a call before any timing is known
-GROWTH = 8  # maximum factor by which a call may have more missions than any earlier call
-MEMORY = 0.9  # weight of a call relative to the next call, in the running average
+FIRST = 1  # number of missions in a call before the first timing
+GROWTH = 8  # maximum ratio of a call's number of missions to those finished in any earlier call
+MEMORY = 0.9  # weight of a call relative to the next one in the running average
 
 
 @lru_cache(maxsize=KEPT)
 def pack(scenario: Scenario) -> Shared:
-    """Pickle a scenario once for all its missions; raise an InputError if that fails."""
+    """Pickle a scenario once for all missions; raise an InputError on failure."""
     try:
         content = pickle.dumps(scenario)
-    except Exception as error:  # a user's class may raise anything
+    except Exception as error:  # a user's class may raise any exception
         raise InputError(
             f"the experiment cannot be sent to worker processes ({error}); define every class at "
             "the top level of a module, and keep open files and similar objects out of parts"
@@ -63,14 +63,14 @@ def unpack(packed: Shared) -> Scenario:
 
 
 def call_time(workers: int) -> float:
-    """Return the time [s] after which a worker starts no further missions of a call."""
+    """Return the time [s] after which a worker starts no more missions of a call."""
     return max(CALL_S, workers / CALLS_PER_S)
 
 
 def run_for_outcomes(
     packed: Shared, missions: Sequence[Mission], seconds: float, keep: bool
 ) -> CallAnswer:
-    """Run missions in order until ``seconds`` have passed; return the finished outcomes."""
+    """Run missions in order for at most ``seconds``; return the outcomes of those finished."""
     known = unpack.cache_info().misses
     scenario, begun, processor = unpack(packed), perf_counter(), process_time()
     end, first = begun + seconds, 0
@@ -93,48 +93,48 @@ def run_for_trajectory(packed: Shared, mission: Mission) -> Array:
 
 @dataclass
 class Pace:
-    """The running average time of a scenario's missions in a worker; newer calls count more."""
+    """The running average of the mission times of a scenario; newer calls have more weight."""
 
     missions: float = 0.0
     seconds: float = 0.0
-    most: int = 0  # maximum number of missions that one call finished
+    most: int = 0  # maximum number of missions finished in one call
 
     def note(self, finished: int, timed: int, seconds: float) -> None:
-        """Add a call that finished some missions, of which ``timed`` took ``seconds`` [s]."""
+        """Add a call with ``finished`` missions, of which ``timed`` took ``seconds``."""
         self.missions = MEMORY * self.missions + timed
         self.seconds = MEMORY * self.seconds + seconds
         self.most = max(self.most, finished)
 
     def expect(self, missions: int) -> float:
-        """Return the expected time [s] for ``missions``; 0 before any timing is known."""
+        """Return the expected time [s] of ``missions``; 0 before the first timing."""
         return missions * self.seconds / self.missions if self.missions else 0.0
 
     def fit(self, seconds: float) -> int:
-        """Return the number of missions that a worker can start within a call's time [s]."""
+        """Return the number of missions that a worker can start in a call of ``seconds``."""
         if not self.missions:
             return FIRST
         most = max(FIRST, GROWTH * self.most)
         return 1 + int(min(most - 1, seconds * self.missions / max(self.seconds, 1e-9)))
 
 
-BATCH_S = 10.0  # approximate maximum time of the missions in a batch call
+BATCH_S = 10.0  # approximate maximum time of a batch call
 
 
 class Asked(NamedTuple):
-    """The missions that one run adds to a call, with the arguments for ``run_for_outcomes``."""
+    """The part of a run in a call: missions, and arguments of ``run_for_outcomes``."""
 
     missions: Sequence[Mission]
     seconds: float
     keep: bool
 
 
-# Reasons to run missions one by one in this process, keyed by device or scenario digest.
+# Reasons why missions run one by one in this process, by device or scenario digest.
 _notes: dict[str | bytes, str] = {}
-_batchers: "dict[str, Batcher]" = {}  # batchers of open devices, keyed by device name
+_batchers: "dict[str, Batcher]" = {}  # batchers of open devices by device name
 
 
 def _open_batcher(batches: Batches) -> "Batcher":
-    from evoros.mission.batch import Batcher  # delayed, because LLVM is slow to import
+    from evoros.mission.batch import Batcher  # imported here, because LLVM is slow to import
 
     if batches.device not in _batchers:
         _batchers[batches.device] = Batcher(batches.open_device())
@@ -142,14 +142,15 @@ def _open_batcher(batches: Batches) -> "Batcher":
 
 
 def find_share(pace: Pace, missions: int, batches: Batches) -> float:
-    """Return the fraction of a call that missions fill, by number or by time."""
+    """Return the fraction of a call that missions fill, in number or time."""
     return max(missions / batches.missions, pace.expect(missions) / BATCH_S)
 
 
 def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> list[CallAnswer]:
     """Run the missions of several runs together, and return an answer for each run.
 
-    Missions that cannot be joined run one by one, with the reason. A broken device: RunStopped.
+    Missions that cannot be simulated together run one by one, and the answer has the reason. A
+    RunStopped reports a broken device.
     """
     begun = perf_counter()
     pairs = enumerate(zip(packed, (part.missions for part in asked), strict=True))

@@ -1,4 +1,4 @@
-"""Dispatch to a pool, with several short missions or one long mission per call."""
+"""Dispatch of missions to a pool, with several short missions or one long mission per call."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -33,20 +33,20 @@ MissionResult = tuple[Mission, Outcomes]
 
 
 class MissionRecord(Protocol):
-    """Stores the outcomes of missions."""
+    """A store for the outcomes of missions."""
 
     def has(self, mission: Mission) -> bool:
-        """Return True if the mission is recorded; raise an InputError for other random draws."""
+        """Return True if a mission is recorded; raise an InputError for other random draws."""
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Record finished missions."""
 
 
 CALLS_PER_WORKER = (
-    3  # calls submitted ahead: enough to keep a worker busy, few to repeat after a crash
+    3  # number of calls in advance, which keeps a worker busy; few are repeated after a crash
 )
-NEW_WORKERS_S = 1.0  # maximum time until workers that join receive calls
-MISSIONS_OUT = 50_000  # maximum number of missions in calls, which bounds the main process's memory
+NEW_WORKERS_S = 1.0  # maximum time until new workers receive calls
+MISSIONS_OUT = 50_000  # maximum number of missions in submitted calls, which limits the memory use
 
 
 @dataclass
@@ -61,13 +61,13 @@ class Dispatcher:
     """Runs missions in an open pool."""
 
     pool: Pool
-    lost: str  # STOP or WORST: the reaction to a mission that crashes or hangs
+    lost: str  # STOP or WORST, the reaction to a mission that crashes or hangs
     keep_log: Callable[[Mission, str], None] = lambda *_: None  # called for lost missions
     keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
     """Receives the trajectory of each mission in ``run`` before the outcome is yielded."""
     paces: dict[bytes, Pace] = field(default_factory=dict)  # keyed by scenario digest
     meter: Meter = field(default_factory=Meter)
-    told: set[str] = field(default_factory=set)  # notes from workers that were logged
+    told: set[str] = field(default_factory=set)  # notes from workers that have been logged
 
     def run_missing(
         self,
@@ -76,7 +76,7 @@ class Dispatcher:
         record: MissionRecord,
         notify: Callable[[Mission, Outcomes], None],
     ) -> None:
-        """Run the missions that ``record`` lacks, and record each before calling ``notify``."""
+        """Run missions that ``record`` lacks; record each one, then call ``notify``."""
         missing = (mission for mission in missions if not record.has(mission))
         for results in self.run(scenario, missing):
             record.record(results)
@@ -84,7 +84,7 @@ class Dispatcher:
                 notify(*result)
 
     def run(self, scenario: Scenario, missions: Iterable[Mission]) -> Iterator[list[MissionResult]]:
-        """Run the missions, and yield their outcomes in any order as calls finish.
+        """Run the missions, and yield outcomes in any order as calls finish.
 
         A failed call is repeated one mission at a time, so that an error can be attributed to one
         mission.
@@ -117,7 +117,7 @@ class Dispatcher:
     def take_answer(
         self, scenario: Scenario, mission: Mission, future: Future[CallAnswer]
     ) -> CallAnswer:
-        """Return the answer to a call, or a lost mission's answer if ``lost`` is ``WORST``."""
+        """Return the answer of a call, or of a lost mission if ``lost`` is ``WORST``."""
         error = _error_of(future)
         if error is None:
             return future.result()
@@ -138,7 +138,7 @@ class Dispatcher:
 
 @dataclass
 class _Batch:
-    """The unfinished missions of one ``Dispatcher.run``: yet to come, waiting or in a call."""
+    """The unfinished missions of one ``Dispatcher.run``: not submitted, waiting or in a call."""
 
     dispatcher: Dispatcher
     scenario: Scenario
@@ -154,8 +154,8 @@ class _Batch:
         self.pace = self.dispatcher.paces.setdefault(self.packed.digest, Pace())
 
     def submit(self) -> bool:
-        """Keep the workers busy; return True if any call is running."""
-        workers = max(1, self.pool.workers)  # the first worker may not have joined yet
+        """Submit calls until all workers are busy; return True if calls are running."""
+        workers = max(1, self.pool.workers)  # before the first worker has joined
         seconds, keep = call_time(workers), self.dispatcher.keep_trajectory is not None
         while len(self.calls) < workers * CALLS_PER_WORKER:
             is_alone = bool(self.alone)
@@ -184,8 +184,8 @@ class _Batch:
             seconds, most = BATCH_S, min(most, self.pool.batches.missions)
         size = min(self.pace.fit(seconds), most)
         if self.scenario.is_live:
-            size = 1  # a retry by the executor then repeats only one mission
-        # Workers share the last missions equally, so all finish at about the same time.
+            size = 1  # the executor then repeats only one mission
+        # Workers share the last missions equally, so that they finish at about the same time.
         shares = 2 * workers
         self.waiting.extend(islice(self.coming, max(0, size * shares - len(self.waiting))))
         size = max(1, min(size, len(self.waiting) // shares))
@@ -221,7 +221,7 @@ class _Batch:
                 LOGGER.warning("%s", answer.note)
             dispatcher.meter.processor_s += answer.processor_s
             self.pace.note(len(answer.results), answer.timed, answer.seconds)
-            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # the time ran out
+            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # no time was left
         return results, first_error
 
     def cancel(self) -> None:

@@ -1,1 +1,1 @@
-"""Executors, which run calls of functions, such as missions."""
+"""Executors, which run functions in parallel, for example missions."""

@@ -1,4 +1,4 @@
-"""The executor of local worker processes, which survives calls that crash or hang."""
+"""The executor with local worker processes, which survives calls that crash or hang."""
 
 import math
 import multiprocessing
@@ -23,14 +23,14 @@ from evoros.executor.worker_handle import Limits, Worker, settle
 @dataclass(frozen=True)
 @checked
 class Processes(Limits, Executor):
-    """Runs calls in worker processes. A call that crashes or hangs does not affect others.
+    """Runs calls in worker processes, which isolate calls that crash or hang.
 
-    A worker is a fresh interpreter (0.12 s with numpy; a fork server takes 0.03 s, but its imports
-    and environment would be outdated). It gets the current ``sys.path`` and imports the main
-    script, which must therefore guard its code with ``if __name__ == "__main__"``. A worker's
-    numeric libraries use one thread, because there is a worker per core.
+    A worker is a fresh interpreter, which starts in 0.12 s with numpy; a fork server takes 0.03 s,
+    but its imports and environment would be outdated. A worker has the current ``sys.path`` and
+    imports the main script, which needs the guard ``if __name__ == "__main__"``. Numeric libraries
+    use one thread per worker, because there is a worker per core.
 
-    Workers run on Linux and macOS only. ``workers`` of 0 or None is the number of usable cores.
+    Workers run on Linux and macOS only. ``workers`` of 0 or None means the number of usable cores.
     """
 
     workers: Annotated[int, null_or_whole(0)] = 0
@@ -40,9 +40,10 @@ class Processes(Limits, Executor):
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Start the workers; leaving the context kills every worker with its children.
+        """Start the workers; when the context exits, kill every worker with its children.
 
-        Unfinished futures then raise CancelledError. The workers also die with the main process.
+        Unfinished futures then raise CancelledError. The workers are also killed if the main
+        process dies.
         """
         with _one_thread_each(), _importable_main_script(), _known_start_method():
             pool = _WorkerPool(self)
@@ -54,18 +55,18 @@ class Processes(Limits, Executor):
 
 
 def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if sys.platform == "linux":  # only Linux can confine a process to some of the cores
+    """Return the number of processor cores available to this process."""
+    if sys.platform == "linux":  # other systems have no processor affinity
         return min(len(os.sched_getaffinity(0)), read_quota(Path("/sys/fs/cgroup")))
     return os.cpu_count() or 1
 
 
 def read_quota(group: Path) -> int:
-    """Return a container's CPU quota in cores, rounded up; ``sys.maxsize`` without a quota."""
-    with suppress(OSError, ValueError):  # an unlimited quota is the word "max"
+    """Return the CPU quota of a container in cores, rounded up; ``sys.maxsize`` without a quota."""
+    with suppress(OSError, ValueError):  # "max" means no quota
         quota, period = map(int, (group / "cpu.max").read_text().split())
         return math.ceil(quota / period)
-    with suppress(OSError, ValueError):  # cgroups version 1, where -1 means no quota
+    with suppress(OSError, ValueError):  # version 1 of cgroups, in which -1 means no quota
         texts = ((group / "cpu" / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period"))
         quota, period = map(int, texts)
         return math.ceil(quota / period) if quota > 0 else sys.maxsize
@@ -83,15 +84,15 @@ class _WorkerPool:
         self.workers, self.shares_files = settings.workers, True
         self._settings = settings
         self._calls: queue.SimpleQueue[_QueuedCall | None] = queue.SimpleQueue()
-        # A thread can wait for this future and an answer at the same time.
+        # A thread can wait for this future and for an answer simultaneously.
         self._closing: Future[None] = Future()
-        self._lock = Lock()  # prevents submissions after close
+        self._lock = Lock()  # held while a call is submitted or the pool closed
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]
 
     def start(self) -> None:
-        # Ctrl-C reaches every process in the terminal, but only the main process handles it.
-        # Threads and processes inherit the blocked signal, so a worker ignores Ctrl-C even while
-        # importing. The resource tracker starts first, because starting it unblocks the signal.
+        # The terminal sends Ctrl-C to all its processes, but only the main process handles it.
+        # Workers inherit the blocked signal, so they ignore it even during imports. The resource
+        # tracker is started first, because its start unblocks the signal.
         resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
@@ -125,14 +126,14 @@ class _WorkerPool:
         settings = self._settings
         worker = Worker(self._closing, settings.time_limit_s, settings.calls_per_worker)
         try:
-            with suppress(OSError, RuntimeError):  # the first call retries and reports the error
+            with suppress(OSError, RuntimeError):  # reported by the first call, which tries again
                 worker.start()
             while call := self._calls.get():
                 if not call.future.set_running_or_notify_cancel():
                     continue
                 try:
                     answer = settings.attempt(call.call, worker)
-                except BaseException as error:  # goes to the caller; this thread must continue
+                except BaseException as error:  # passed to the caller; this thread must continue
                     call.future.set_exception(error)
                 else:
                     settle(call.future, answer)
@@ -142,7 +143,7 @@ class _WorkerPool:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Limit workers' threads by environment variables, because workers import numpy first."""
+    """Limit workers to one thread by environment variables, which numpy reads on import."""
     before = {name: os.environ.pop(name, None) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
@@ -156,7 +157,7 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextmanager
 def _known_start_method() -> Iterator[None]:
-    """Hide a start method that joblib sets in its processes but that spawned workers lack."""
+    """Hide a start method that joblib sets in its processes and that spawned workers lack."""
     before = multiprocessing.get_start_method(allow_none=True)
     if before is None or before in multiprocessing.get_all_start_methods():
         yield
@@ -170,7 +171,7 @@ def _known_start_method() -> Iterator[None]:
 
 @contextmanager
 def _importable_main_script() -> Iterator[None]:
-    """Hide a main script that workers cannot import: read from standard input, or deleted."""
+    """Hide a main script that workers cannot import: standard input, or a deleted file."""
     main = sys.modules["__main__"]
     file = getattr(main, "__file__", None)
     if file is None or main.__spec__ is not None or os.path.isfile(file):

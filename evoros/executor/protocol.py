@@ -1,4 +1,4 @@
-"""The base class of executors, which open pools of workers."""
+"""The base class of executors, and pools of workers."""
 
 import hashlib
 import pickle
@@ -18,71 +18,71 @@ if TYPE_CHECKING:
 
 
 class Pool(Protocol):
-    """The workers of an open executor; ``submit`` works as in ``concurrent.futures.Executor``."""
+    """The workers of an open executor; ``submit`` is like in ``concurrent.futures.Executor``."""
 
     @property
     def workers(self) -> int:
-        """The current number of parallel calls; a cluster's workers come and go."""
+        """The number of calls that can run in parallel, which varies on a cluster."""
 
     @property
     def shares_files(self) -> bool:
-        """True if workers see the files of this process, so that they can draw the figures."""
+        """True if workers can access the files of this process, for example to draw figures."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """Call ``function(*args)`` in a worker; raise an InputError if anything does not pickle.
+        """Run ``function(*args)`` in a worker; raise an InputError if they cannot be pickled.
 
-        The future raises the function's exception, WorkerLost if every attempt crashed its process
-        or hung, or RunStopped if no workers are left. A call that raises PilotLost is also retried.
-        A ``Shared`` argument is sent once to each worker.
+        The future raises the function's exception, WorkerLost if every attempt crashed or hung, or
+        RunStopped if there are no workers left. Calls that raise PilotLost are repeated, too.
+        ``Shared`` arguments are sent to each worker only once.
         """
 
 
-ALONE = float("inf")  # the ``share`` of a part that must be alone in its call
+ALONE = float("inf")  # the ``share`` of a part that needs a call for itself
 
 
 class Batches(Protocol):
-    """Settings for running missions together in workers, as a frozen, picklable value."""
+    """The settings for simulating several missions together in a worker; frozen and picklable."""
 
     @property
     def option(self) -> str:
-        """The override that users type, such as executor=gpu."""
+        """The override that selects it, such as executor=gpu."""
 
     @property
     def device(self) -> str:
-        """The name of the device."""
+        """The device's name in messages."""
 
     @property
     def missions(self) -> int:
-        """The maximum number of missions in a launch."""
+        """The maximum number of missions simulated together."""
 
     def open_device(self) -> "Device":
-        """Open the device in a worker; raise a DeviceError if it cannot be used."""
+        """Open the device in a worker; raise a DeviceError if it is unusable."""
 
     def give_up(self, reason: str) -> str:
-        """Say that missions run one by one because of ``reason``, or raise a RunStopped."""
+        """Return a note that missions run one by one because of ``reason``, or stop the run."""
 
 
 @runtime_checkable
 class BatchPool(Protocol):
-    """A pool whose workers run missions together; workers of other pools run them one by one."""
+    """A pool whose workers can simulate several missions together."""
 
     @property
     def batches(self) -> Batches:
-        """The settings for running missions together."""
+        """The settings for simulating missions together."""
 
     def join(
         self, function: Callable[..., Any], run: object, share: float, shared: "Shared", asked: Any
     ) -> "Future[Any]":
-        """Add ``asked`` to a worker's next call; ``share`` is the fraction of a call that it fills.
+        """Add ``asked``, which fills the fraction ``share`` of a call, to a worker's next call.
 
-        A worker calls ``function(batches, [asked, ...], shared, ...)`` with one part per run, and
-        returns a list of the results. If the call fails, each part is called alone. The future
-        behaves as in ``Pool.submit``.
+        A worker calls ``function(batches, [asked, ...], shared, ...)`` with one part per run, which
+        returns a list with one result per part. If the call fails, each part is called separately.
+        The future is like that in ``Pool.submit``.
         """
 
 
 class Executor(ABC):
-    """Runs calls in workers. No result may depend on the choice of executor."""
+    """Runs calls in workers. No result may depend on the executor."""
 
     @abstractmethod
     def open(self) -> AbstractContextManager[Pool]:
@@ -94,27 +94,27 @@ class Executor(ABC):
         """
 
 
-KEPT = 16  # maximum number of shared arguments cached in a process
-# Kinds of ``Answer``; after ``MISSING``, the call is repeated with its shared arguments.
+KEPT = 16  # maximum number of cached shared arguments
+# Kinds of ``Answer``; a call with the answer ``MISSING`` is sent again with its shared arguments.
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
 
 
 @dataclass(frozen=True)
 class Shared:
-    """Bytes that are an argument of many calls, sent only to processes that lack them."""
+    """An argument of many calls, as bytes that are sent only to processes without them."""
 
-    digest: bytes  # SHA-256, so that comparisons need 32 bytes and not megabytes
+    digest: bytes  # SHA-256, compared instead of the content
     content: bytes = field(compare=False, repr=False)
 
     @classmethod
     def of(cls, content: bytes) -> "Shared":
-        """Return the content with its digest."""
+        """Return the content with its SHA-256 digest."""
         return cls(hashlib.sha256(content).digest(), content)
 
 
 @dataclass(frozen=True)
 class Call:
-    """A pickled call, and the shared arguments that the pickle names by digest."""
+    """A pickled call, and its shared arguments, which the pickle refers to by digest."""
 
     name: str
     payload: bytes = field(repr=False)
@@ -122,14 +122,14 @@ class Call:
 
 
 class Answer(NamedTuple):
-    """A process's answer, with the pickled result or exception unless ``MISSING``."""
+    """A process's answer: the pickled result or exception, empty if ``MISSING``."""
 
     kind: int
     content: bytes = b""
 
 
 class MissingError(Exception):
-    """The process has not cached one of the call's shared arguments."""
+    """A shared argument of the call is not cached in the process."""
 
 
 class Kept:
@@ -140,7 +140,7 @@ class Kept:
         self._lock = Lock()
 
     def add(self, contents: Sequence[Shared]) -> None:
-        """Cache shared arguments; beyond ``KEPT``, drop the one unused for longest."""
+        """Cache shared arguments; drop the longest unused ones if there are more than ``KEPT``."""
         with self._lock:
             for shared in contents:
                 self._kept[shared.digest] = shared
@@ -149,7 +149,7 @@ class Kept:
                 self._kept.popitem(last=False)
 
     def get(self, digest: bytes) -> Shared:
-        """Return a shared argument; raise a MissingError if it is not cached."""
+        """Return a cached argument; raise a MissingError if it is not cached."""
         with self._lock:
             if digest not in self._kept:
                 raise MissingError
@@ -163,13 +163,13 @@ class _Reference:
 
 
 def pack_call(function: Callable[..., Any], args: Sequence[Any]) -> Call:
-    """Pickle a call; raise an InputError if the function or an argument does not pickle."""
+    """Pickle a call; raise an InputError if its function or an argument cannot be pickled."""
     name = getattr(function, "__qualname__", None) or repr(function)
     shared = tuple(arg for arg in args if isinstance(arg, Shared))
     sent = tuple(_Reference(arg.digest) if isinstance(arg, Shared) else arg for arg in args)
     try:
         return Call(name, pickle.dumps((function, sent)), shared)
-    except Exception as error:  # a user's __reduce__ may raise anything
+    except Exception as error:  # a user's __reduce__ may raise any exception
         raise InputError(
             f"{name}: cannot be sent to a worker process ({error}); define functions and "
             f"classes at the top level of an importable module, or use executor=serial"
@@ -177,16 +177,16 @@ def pack_call(function: Callable[..., Any], args: Sequence[Any]) -> Call:
 
 
 def unpack_call(payload: bytes, kept: Kept) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """Unpickle a call; raise a MissingError if ``kept`` lacks one of its shared arguments."""
+    """Unpickle a call; raise a MissingError if a shared argument is not in ``kept``."""
     function, sent = pickle.loads(payload)
     args = (kept.get(arg.digest) if isinstance(arg, _Reference) else arg for arg in sent)
     return function, tuple(args)
 
 
-# The libraries read these on import. NUMBA_NUM_THREADS is left out, because numba refuses to change
-# it in a main process that has already started numba's threads.
+# Libraries read these variables on import. NUMBA_NUM_THREADS is not set, because numba refuses a
+# change after the main process has started its threads.
 ONE_THREAD = (
     *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"),
     *("BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS"),
 )
-"""Variables set to 1 in each process that computes missions, because there is one per core."""
+"""Variables that limit numeric libraries to one thread in each of the processes, one per core."""

@@ -1,4 +1,4 @@
-"""The serial executor for debugging, in the main process."""
+"""The serial executor, which runs calls in the main process, for debugging."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -11,14 +11,14 @@ from evoros.executor.protocol import Executor, Pool
 
 @dataclass(frozen=True)
 class Serial(Executor):
-    """Runs each call in the main process when it is submitted.
+    """Runs each call in the main process during ``submit``.
 
-    Debuggers work as usual. There is no time limit and no retry; a crash ends the run.
+    Debuggers work as usual. Calls have no time limit and are not repeated; a crash ends the run.
     """
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Open the pool, which needs no start or end."""
+        """Yield a pool without worker processes."""
         yield _MainProcess()
 
 
@@ -30,6 +30,6 @@ class _MainProcess:
         future.set_running_or_notify_cancel()
         try:
             future.set_result(function(*args))
-        except Exception as error:  # Ctrl-C and sys.exit take effect immediately
+        except Exception as error:  # does not catch Ctrl-C and sys.exit
             future.set_exception(error)
         return future

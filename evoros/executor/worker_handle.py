@@ -1,6 +1,7 @@
-"""The main process's handle on one worker process, and the calls attempted in it.
+"""The main process's handle on a worker process, and on the calls tried in it.
 
-Each worker has a separate Pebble pool; in a shared one, Pebble 5.2 can blame the wrong call.
+Each worker has its own Pebble pool, because a shared pool of Pebble 5.2 can report the crash of one
+call for another.
 """
 
 import os
@@ -22,13 +23,13 @@ from evoros.executor.descendants import SWEEPER, MarkedProcess, kill_marked
 from evoros.executor.protocol import MISSING, PILOT_LOST, RAISED, RETURNED, Answer, Call, Shared
 from evoros.executor.worker_main import prepare, run_call
 
-START_LIMIT_S = 120.0  # maximum time until a process has imported the main script
-EXIT_S = 10.0  # time limit for a process to exit after its pipe closes
-LOOK_S = 1.0  # time between two checks that the process of a call still runs
+START_LIMIT_S = 120.0  # maximum time for starting a process and importing the main script
+EXIT_S = 10.0  # maximum time for a process to exit after its pipe is closed
+LOOK_S = 1.0  # interval at which the process of a running call is checked
 
 
 class NoAnswerError(Exception):
-    """An attempt at a call got no answer."""
+    """A call was tried without an answer."""
 
     def __init__(self, reason: str, fix: str) -> None:
         super().__init__(reason, fix)
@@ -36,23 +37,23 @@ class NoAnswerError(Exception):
 
 
 class _Spawn(SpawnContext):
-    """Spawns processes and keeps the newest one, which Pebble does not expose."""
+    """Spawns processes and remembers the last one, which Pebble does not expose."""
 
     newest: MarkedProcess | None = None
 
     def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
-        self.end_programs()  # programs of the replaced process
+        self.end_programs()  # kills programs of the previous process
         self.newest = MarkedProcess(*args, **kwargs)
         return self.newest
 
     def end_programs(self) -> None:
-        """Kill all programs that the newest process started in other groups."""
+        """Kill all programs that the last process started in other groups."""
         if self.newest is not None:
             kill_marked(self.newest.mark)
 
 
 class Worker:
-    """A process that is replaced if a call crashes or hangs, for use by a single thread."""
+    """A process that is replaced after a crash or hang; for use by one thread."""
 
     def __init__(
         self,
@@ -66,10 +67,10 @@ class Worker:
         self._answered = 0
         self._spawn = _Spawn()
         self._pool: Any = None
-        self._leader: Future[int] | None = None  # process id once the process is ready
+        self._leader: Future[int] | None = None  # process id, once the process is ready
 
     def start(self) -> None:
-        """Start a process without waiting; raise an OSError or a RuntimeError if that fails."""
+        """Start a process without waiting for it; raise an OSError or a RuntimeError on failure."""
         self._answered = 0
         if self._pool is None or not self._pool.active:
             self.stop()
@@ -87,7 +88,7 @@ class Worker:
             if answer.kind == MISSING:
                 answer = self._attempt(call, call.shared)
         except NoAnswerError:
-            self._kill_group()  # Pebble replaced the process, or its pool is broken
+            self._kill_group()  # Pebble has replaced the process, or its pool is broken
             raise
         self._answered += 1
         return answer
@@ -99,7 +100,7 @@ class Worker:
         self._pool.stop()
         self._kill_group()
         if self._spawn.newest is not None and self._spawn.newest.pid is not None:
-            # A starting process would print errors if join() removed its locks.
+            # A starting process prints errors when join() removes its locks, so it is killed first.
             self._spawn.newest.kill()
             self._spawn.newest.join()
         self._pool.join()
@@ -109,7 +110,7 @@ class Worker:
 
     def _kill_group(self) -> None:
         if self._leader is not None and self._leader.done() and not self._leader.exception():
-            with suppress(ProcessLookupError, PermissionError):  # the group is empty
+            with suppress(ProcessLookupError, PermissionError):  # the group has no processes left
                 os.killpg(self._leader.result(), signal.SIGKILL)
         self._leader = None
 
@@ -119,7 +120,7 @@ class Worker:
                 self.start()
             assert self._leader is not None
             self._result(self._leader, START_LIMIT_S)
-        except (OSError, RuntimeError) as error:  # a TimeoutError is an OSError
+        except (OSError, RuntimeError) as error:  # includes TimeoutError, a subclass of OSError
             self.stop()
             raise NoAnswerError(
                 "its worker process exited or hung while starting",
@@ -140,11 +141,11 @@ class Worker:
             ) from error
         except ProcessExpired as error:
             raise _crash(error.exitcode) from error
-        except RuntimeError as error:  # Pebble's pool broke before it replaced the process
+        except RuntimeError as error:  # Pebble's pool broke before the process was replaced
             raise _crash(_await_exit(process)) from error
 
     def _result(self, attempt: "Future[Any]", limit: float) -> Any:
-        """Wait for an attempt, because Pebble's limits follow the wall clock, which may jump.
+        """Wait for an attempt by the monotonic clock; Pebble uses the wall clock, which may jump.
 
         Raises:
             TimeoutError: the process took longer than ``limit`` [s] and was killed.
@@ -167,7 +168,7 @@ class Worker:
 
 
 def _until(ends: float) -> float:
-    """Return the time [s] until the next check, at most until ``ends``."""
+    """Return the time [s] to the next check, which is not after ``ends``."""
     return max(0.0, min(LOOK_S, ends - time.monotonic()))
 
 
@@ -192,15 +193,15 @@ def _crash(code: int | None) -> NoAnswerError:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Limits:
-    """The limits of calls for every executor with worker processes."""
+    """Limits on calls, common to all executors with worker processes."""
 
-    time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall-clock time per attempt at a call
-    retries: Annotated[int, WHOLE] = 1  # further attempts after a crash, a hang or PilotLost
+    time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall-clock time of one attempt
+    retries: Annotated[int, WHOLE] = 1  # further attempts after a crash, hang or PilotLost
     calls_per_worker: Annotated[int | None, null_or_whole(1)] = None
-    """Calls until a fresh process replaces the worker; None: no limit."""
+    """Number of calls after which a worker is replaced; None: unlimited."""
 
     def attempt(self, call: Call, worker: Worker) -> Answer:
-        """Attempt the call until it is answered or no retries are left."""
+        """Try a call until there is an answer or no retry is left."""
         attempts = self.retries + 1
         for _ in range(attempts):
             try:
@@ -216,10 +217,10 @@ class Limits:
 
 
 def settle(future: "Future[Any]", answer: Answer) -> None:
-    """Set the result or exception of a future."""
+    """Set the result or the exception of a future."""
     try:
         value = pickle.loads(answer.content)
-    except BaseException as error:  # the caller gets it; the thread must continue
+    except BaseException as error:  # passed to the caller; the thread must continue
         future.set_exception(error)
         return
     if answer.kind == RETURNED:

@@ -1,4 +1,4 @@
-"""Code that runs inside a worker process, the counterpart of ``worker_handle.Worker``."""
+"""Code executed in worker processes, the counterpart of ``worker_handle.Worker``."""
 
 import fcntl
 import os
@@ -18,16 +18,16 @@ _KEPT = protocol.Kept()
 
 
 def prepare(folders: Sequence[str] = ()) -> int:
-    """Make a new worker process end with the main process, and return its process id.
+    """Initialize a new worker process, which ends with the main process; return its process id.
 
-    It leads a process group; ``folders`` have user modules that are not on the parent's path.
+    The process leads a new process group. ``folders`` with user modules are added to ``sys.path``.
     """
     end_with_main_process()
     collect_rarely()
-    # The default action needs no interpreter, so it also ends C code that never returns.
+    # The default action works without the interpreter, even in C code that never returns.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    # Only the main process reacts to Ctrl-C. Programs of a call would inherit SIG_IGN or a blocked
-    # signal, but not a handler, and some of them must be ended by SIGINT.
+    # Only the main process handles Ctrl-C. A handler, unlike SIG_IGN or a blocked signal, is not
+    # inherited by the programs that calls start, some of which must be ended by SIGINT.
     signal.signal(signal.SIGINT, lambda *_: None)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     sys.path[:0] = folders
@@ -35,7 +35,7 @@ def prepare(folders: Sequence[str] = ()) -> int:
 
 
 def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protocol.Answer:
-    """Unpickle and run a call, and cache ``contents`` for this call and later ones."""
+    """Unpickle and run a call; cache ``contents`` for it and later calls."""
     _KEPT.add(contents)
     kind = protocol.RETURNED
     try:
@@ -44,14 +44,14 @@ def run_call(payload: bytes, contents: Sequence[protocol.Shared] = ()) -> protoc
     except protocol.MissingError:
         return protocol.Answer(protocol.MISSING)
     except BaseException as error:
-        # The traceback does not pickle; a note appears in the traceback of the main process.
+        # Tracebacks cannot be pickled; a note is shown with the main process's traceback.
         error.add_note(f"In the worker process:\n{traceback.format_exc()}")
         kind = protocol.PILOT_LOST if isinstance(error, PilotLost) else protocol.RAISED
         value = error
     try:
         content = pickle.dumps(value)
         if kind != protocol.RETURNED:
-            pickle.loads(content)  # fails if __init__ takes more than the exception's args
+            pickle.loads(content)  # fails if __init__ has more parameters than the exception's args
         return protocol.Answer(kind, content)
     except Exception as problem:
         return protocol.Answer(protocol.RAISED, pickle.dumps(_unpicklable(value, problem)))
@@ -68,7 +68,7 @@ def _unpicklable(value: object, problem: Exception) -> EvorosError:
 
 
 def end_with_main_process() -> None:
-    """Lead a process group that dies as soon as the parent process ends."""
+    """Lead a process group that is killed when the parent process ends."""
     os.setpgid(0, 0)
     main = parent_process()
     assert main is not None, "not a worker process"
@@ -76,15 +76,15 @@ def end_with_main_process() -> None:
 
 
 def end_with(sentinel: int) -> None:
-    """Kill the group that this process leads when the other end of an unused pipe closes."""
+    """Kill this process's group when the other end of an unused pipe is closed."""
     if sys.platform == "linux":
-        # The kernel kills the group when the other end closes, even in endless C code.
+        # The kernel kills the group even during endless loops in C code.
         fcntl.fcntl(sentinel, fcntl.F_SETOWN, -os.getpid())
         fcntl.fcntl(sentinel, fcntl.F_SETSIG, signal.SIGKILL)
         flags = fcntl.fcntl(sentinel, fcntl.F_GETFL)
         fcntl.fcntl(sentinel, fcntl.F_SETFL, flags | os.O_ASYNC)
 
-    # Other systems need a thread, as does a main process that has already ended.
+    # Other systems need a thread; so does Linux if the main process has already ended.
     def wait() -> None:
         connection.wait([sentinel])
         os.killpg(0, signal.SIGKILL)

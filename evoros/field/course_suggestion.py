@@ -256,7 +256,7 @@ def _find_turn(
 
 
 def _order_around(points: Array, loops: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Order each loop (n, k) by the bearing from its middle, from point 0 on, so no legs cross."""
+    """Sort the points of each loop (n, k) by bearing from its centroid, so that no legs cross."""
     places = points[loops]
     offsets = places - places.mean(axis=1, keepdims=True)
     order = np.argsort(atan2_all(offsets[:, :, 1], offsets[:, :, 0]), axis=1, kind="stable")
@@ -266,20 +266,20 @@ def _order_around(points: Array, loops: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _enclosed_area(loops: Array) -> Array:
-    """Return the areas (n,) [m2] inside closed loops (n, k, 2), by the shoelace formula."""
+    """Return the areas (n,) [m2] of polygons (n, k, 2) by the shoelace formula."""
     following = np.roll(loops, -1, axis=1)
     twice = loops[:, :, 0] * following[:, :, 1] - loops[:, :, 1] * following[:, :, 0]
     return np.asarray(np.abs(twice.sum(axis=1)) / 2.0)
 
 
 def _narrowest_gap(lengths: Array, picks: NDArray[np.int64]) -> Array:
-    """Return the minimum distance [m] between any two of the picked points of each loop."""
+    """Return the minimum distance [m] between two points of each loop."""
     gaps = lengths[picks[:, :, None], picks[:, None, :]]
     return np.asarray(np.where(np.eye(picks.shape[1]), np.inf, gaps).min(axis=(1, 2)))
 
 
 def find_steep_places(field: Shape, pose: Pose) -> list[Footprint]:
-    """Return rectangles that cover all height field cells with a steep edge."""
+    """Return rectangles that cover all height field cells with steep edges."""
     heights = np.array(field.heights, dtype=np.float64)
     rows, columns = (count - 1 for count in heights.shape)
     length_x, length_y = field.size

@@ -1,4 +1,4 @@
-"""Randomly drawn worlds: their SDF, with a comment from which they can be drawn again."""
+"""Random worlds, whose SDF has a comment with all that is needed to generate them again."""
 
 import hashlib
 import json
@@ -15,29 +15,29 @@ from evoros.geometry.shapes import Body
 from evoros.world.course import Course
 from evoros.world.model import KEPT_WORLDS, World, WorldSampler
 
-FIXED = "fixed"  # key of the random draws of a world that is the same in all missions
+FIXED = "fixed"  # key of the random draws for a world shared by all missions
 
 
 class Distribution(ABC):
-    """A distribution of worlds: a hashable frozen dataclass, identified by all its fields."""
+    """A distribution of worlds: a frozen, hashable dataclass, identified by its fields."""
 
-    kind: ClassVar[str]  # noun for a world, such as "field"
+    kind: ClassVar[str]  # noun for a world in messages, such as "field"
     world_name: ClassVar[str]
     course: Course
     seed: int
 
     @abstractmethod
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Draw the ground and all obstacles for a key of random draws."""
+        """Generate the ground and all obstacles from a key of random draws."""
 
     def draw_world(self, draws: str) -> World:
-        """Draw the world for a key of random draws; recent worlds are cached."""
+        """Generate the world for a key of random draws, or return it from the cache."""
         return _draw_world(self, draws)
 
 
 @lru_cache(maxsize=KEPT_WORLDS)
 def _draw_world(distribution: Any, draws: str) -> World:
-    """Draw a world and read it back from its SDF, so that world and file match exactly."""
+    """Generate a world and parse its SDF, so that the world and the file agree exactly."""
     note = note_draws(distribution, draws)
     name, source = distribution.world_name, f"generated {distribution.kind} {distribution.seed}"
     content = write_sdf(name, distribution.draw_bodies(draws), note).encode()
@@ -47,16 +47,16 @@ def _draw_world(distribution: Any, draws: str) -> World:
 
 
 def note_draws(distribution: Any, draws: str) -> str:
-    """Return the SDF comment that identifies a drawn world; it omits fields with empty tuples."""
+    """Return the SDF comment that identifies a world; empty tuples are omitted."""
     values = {entry.name: getattr(distribution, entry.name) for entry in fields(distribution)}
     kept = {"draws": draws} | {name: value for name, value in values.items() if value != ()}
     lines = (f"{key}: {json.dumps(value, default=_describe)}" for key, value in kept.items())
-    text = "\n".join(lines).replace("--", "-\\u002d")  # XML allows no -- in a comment
+    text = "\n".join(lines).replace("--", "-\\u002d")  # XML comments must not contain "--"
     return f"A {distribution.kind} that evoros generated from\n{text}\n"
 
 
 def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
-    """Draw the world of a fixed key; with ``renew``, each mission draws a new one."""
+    """Generate the world of a fixed key, or with ``renew`` a world that each mission replaces."""
     if not FLAG.holds(renew):
         raise InputError(
             f"{function}.renew: must be {FLAG.text}, not {renew!r}; type true for a new world in "
@@ -67,5 +67,5 @@ def draw_example(sampler: WorldSampler, renew: bool, function: str) -> World:
 
 
 def _describe(part: object) -> dict[str, object]:
-    """Return a part's values and the name of its type, without the module path."""
+    """Return the fields of a part, and the name of its class without the module."""
     return {"type": type(part).__name__.lower(), **vars(part)}

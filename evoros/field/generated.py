@@ -1,4 +1,4 @@
-"""Generated worlds: a random field of obstacles around a course, with a free path through it."""
+"""Random fields of obstacles around a course, with a free path along the course."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,8 +26,8 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 MAX_ATTEMPTS = 50
-"""Maximum number of times that placement is restarted because an obstacle does not fit."""
-MIN_SHARE = 0.5  # fraction of placed obstacles below which no further attempt is made
+"""Maximum number of attempts to place all obstacles."""
+MIN_SHARE = 0.5  # minimum share of placed obstacles for another attempt
 EXTENT = checks.Rule(
     "two numbers [x, y] greater than 0",
     lambda v: isinstance(v, list | tuple) and len(v) == 2 and all(map(checks.POSITIVE.holds, v)),
@@ -39,25 +39,24 @@ MAX_COUNT = 100_000  # maximum number of obstacles in a field; more take hours t
 @dataclass(frozen=True)
 @checks.checked
 class Field(Distribution):
-    """A distribution of fields: kinds and density of the obstacles, and the space between them.
+    """A distribution of fields of random obstacles around a course.
 
-    ``seed`` and the key of the random draws determine the bytes of the SDF. Poses are random,
-    rounded to 1 mm and 1 mrad, and rejected if too close to the route or another obstacle, or on
-    the path.
+    ``seed`` and the key of the random draws determine the bytes of the SDF. Random poses, rounded
+    to 1 mm and 1 mrad, are rejected near the route, near another obstacle or on the free path.
     """
 
     kind: ClassVar[str] = "field"
     world_name: ClassVar[str] = "generated"
     course: Annotated[Course, A_COURSE]
-    extent_m: Annotated[Sequence[float], EXTENT]  # along x and y, centred on the course
-    density: Annotated[float, checks.NOT_NEGATIVE]  # obstacles per square metre of the extent
+    extent_m: Annotated[Sequence[float], EXTENT]  # size along x and y, centred on the course
+    density: Annotated[float, checks.NOT_NEGATIVE]  # obstacles per square metre
     kinds: Annotated[Mapping[str, ObstacleKind], KINDS]
-    clearing_m: Annotated[float, checks.POSITIVE]  # free radius around home and each waypoint
+    clearing_m: Annotated[float, checks.POSITIVE]  # radius of free area around home and waypoints
     gap_m: Annotated[float, checks.NOT_NEGATIVE]  # minimum distance between obstacles
-    passage_m: Annotated[float, checks.POSITIVE]  # width of the free path along each leg
-    enclosed: Annotated[bool, checks.FLAG]  # whether a wall surrounds the extent
+    passage_m: Annotated[float, checks.POSITIVE]  # width of the free path on each leg
+    enclosed: Annotated[bool, checks.FLAG]  # True: a wall surrounds the field
     seed: Annotated[int, checks.SEED] = 0
-    # courses of other robots
+    # courses of other robots, also kept free
     others: Annotated[Sequence[Course], checks.sequence_of(Course, "courses")] = ()
 
     def __post_init__(self) -> None:
@@ -79,27 +78,27 @@ class Field(Distribution):
             raise checks.invalid(self, "extent_m", self.extent_m, rule, "increase extent_m")
 
     def __hash__(self) -> int:
-        """Hash the numbers only, because the mapping of kinds is not hashable."""
+        """Hash the numbers, because the mapping of kinds is not hashable."""
         return hash((self.seed, self.density, self.course))
 
     @property
     def _routes(self) -> list[Array]:
-        """The points (n, 2) [m] of each robot's route, starting at home."""
+        """The points (n, 2) [m] of each robot's route, from home."""
         return [course.first_phase for course in (self.course, *self.others)]
 
     @property
     def corners(self) -> tuple[Array, Array]:
-        """The corners [x, y] [m] of the extent with the minimum and the maximum coordinates."""
+        """The corners [x, y] [m] of the field with the minimum and the maximum coordinates."""
         points = self._routes[0]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         return middle - np.array(self.extent_m) / 2, middle + np.array(self.extent_m) / 2
 
     def keep_free(self, courses: Sequence[Course]) -> "Field":
-        """Return a field of the same extent that also keeps the routes of other robots free."""
+        """Return the same field with free routes for other robots, too."""
         return replace(self, others=tuple(courses))
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Return the ground, any walls, and random obstacles, for which there must be room."""
+        """Return the ground, any walls, and random obstacles; raise an InputError without room."""
         rng = generator(draws, f"field {self.seed}")
         low, high = self.corners
         walls = build_walls(low, high) if self.enclosed else ()
@@ -136,6 +135,6 @@ def generate_world(
     seed: int = 0,
     renew: bool = False,
 ) -> World:
-    """Generate a world; with ``renew``, each mission has a new one (see ``Field``)."""
+    """Generate a world, with ``renew`` a new one for each mission; see ``Field``."""
     field = Field(course, extent_m, density, kinds, clearing_m, gap_m, passage_m, enclosed, seed)
     return draw_example(field, renew, "generate_world")

@@ -1,4 +1,4 @@
-"""Mazes: square cells in rows and columns, with walls between cells that no door connects."""
+"""Mazes of square cells in rows and columns, separated by walls with doors."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -20,23 +20,23 @@ from evoros.world.model import World
 SIDE = replace(COUNT, limit=100)
 KEEP, OPEN, FILL = "keep", "open", "fill"
 MAX_ATTEMPTS = 10_000
-"""Maximum number of mazes drawn to find a corridor through all waypoints in order."""
+"""Maximum number of mazes generated in search of a corridor through all waypoints in order."""
 OFF_CENTRE = 0.1
-"""Maximum distance of a waypoint from its cell's centre, as a fraction of the corridor's width."""
-Cell = tuple[int, int]  # column (along x) and row (along y) of a cell
-Doors = dict[Cell, set[Cell]]  # neighbours to which each cell has a door
+"""Maximum distance of a waypoint from its cell's centre, as a fraction of the corridor width."""
+Cell = tuple[int, int]  # column (along x) and row (along y)
+Doors = dict[Cell, set[Cell]]  # neighbours of each cell that share a door with it
 Run = tuple[int, int, int]
-"""A wall: the index of its grid line, and the indices of the lines at which it starts and ends."""
+"""A wall: the index of its grid line, and the indices of the crossing lines at its two ends."""
 
 
 @dataclass(frozen=True)
 @checked
 class Maze(Distribution):
-    """A distribution of mazes, centred on the course; home and waypoints are centres of cells.
+    """A distribution of mazes centred on the course; home and waypoints are near cell centres.
 
-    ``seed`` and the key of the random draws determine the bytes of the SDF. Dead ends of a random
-    depth-first search are kept, opened with another door, or filled until one corridor is left,
-    which leads from home through all waypoints in order.
+    ``seed`` and the key of the random draws determine the bytes of the SDF. A random depth-first
+    search generates a maze. Its dead ends are kept, opened by another door, or filled until only
+    the corridor from home through all waypoints is left.
     """
 
     kind: ClassVar[str] = "maze"
@@ -44,7 +44,7 @@ class Maze(Distribution):
     course: Annotated[Course, A_COURSE]
     columns: Annotated[int, SIDE]  # cells along x
     rows: Annotated[int, SIDE]  # cells along y
-    corridor_m: Annotated[float, POSITIVE]  # width between two walls
+    corridor_m: Annotated[float, POSITIVE]  # distance between the walls on both sides
     wall_m: Annotated[float, POSITIVE]  # thickness of a wall
     wall_height_m: Annotated[float, POSITIVE]
     dead_ends: Annotated[str, one_of(KEEP, OPEN, FILL)]
@@ -64,7 +64,7 @@ class Maze(Distribution):
 
     @property
     def pitch_m(self) -> float:
-        """The distance [m] between the centres of neighbouring cells."""
+        """The distance [m] between adjacent cell centres."""
         return self.corridor_m + self.wall_m
 
     @property
@@ -73,7 +73,7 @@ class Maze(Distribution):
 
     @property
     def route(self) -> list[Cell]:
-        """The cells that contain home and the waypoints."""
+        """The cells of home and the waypoints."""
         return [self._find_cell(point) for point in self._points]
 
     def centre(self, cell: Cell) -> Array:
@@ -82,7 +82,7 @@ class Maze(Distribution):
 
     @property
     def _corner(self) -> Array:
-        """The corner (2,) [m] of the grid with the minimum coordinates, in the middle of walls."""
+        """The corner (2,) [m] of the grid with the minimum coordinates, midway in the walls."""
         middle = (self._points.min(axis=0) + self._points.max(axis=0)) / 2
         return np.asarray(middle - np.array([self.columns, self.rows]) * self.pitch_m / 2)
 
@@ -95,7 +95,7 @@ class Maze(Distribution):
         return (GROUND, *self._build_walls(self.draw_doors(draws)))
 
     def draw_doors(self, draws: str) -> Doors:
-        """Draw the doors; filled cells have none, and the corridor leads through all waypoints."""
+        """Generate the doors of a maze with a corridor through all waypoints."""
         rng = generator(draws, f"maze {self.seed}")
         doors = self._connect(rng)
         for cell in doors if self.dead_ends == OPEN else ():
@@ -152,7 +152,7 @@ class Maze(Distribution):
                 yield Body(name, Pose((x, y, self.wall_height_m / 2)), (shape,))
 
     def _list_runs(self, doors: Doors, axis: int) -> Iterator[Run]:
-        """Yield the walls along x (axis 0) or y that touch a cell with a door."""
+        """Yield the walls along x (axis 0) or y (axis 1) that border a cell with a door."""
         along, lines = (self.columns, self.rows) if axis == 0 else (self.rows, self.columns)
 
         def is_wall(step: int) -> bool:
@@ -180,7 +180,7 @@ def generate_maze(
     seed: int = 0,
     renew: bool = False,
 ) -> World:
-    """Generate a maze; with ``renew``, each mission has a new one (see ``Maze``)."""
+    """Generate a maze, with ``renew`` a new one for each mission; see ``Maze``."""
     maze = Maze(course, columns, rows, corridor_m, wall_m, wall_height_m, dead_ends, seed)
     return draw_example(maze, renew, "generate_maze")
 

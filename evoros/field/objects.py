@@ -1,4 +1,4 @@
-"""Objects of two sizes on open ground: a narrow one behind each waypoint, and wide decoys."""
+"""Objects of two sizes on open ground: narrow targets behind waypoints, and wide decoys."""
 
 import math
 from collections.abc import Iterator
@@ -18,25 +18,26 @@ from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
 
-MAX_ATTEMPTS = 1000  # maximum number of positions drawn for one decoy
-BEHIND_M = 0.1  # distance [m] between a waypoint and the surface of the object behind the waypoint
+MAX_ATTEMPTS = 1000  # maximum number of random positions for a decoy
+BEHIND_M = 0.1  # [m], distance from a waypoint to the surface of the target behind it
 
 
 @dataclass(frozen=True)
 @checks.checked
 class Objects(Distribution):
-    """A distribution of upright cylinders: a narrow one behind each waypoint, and wide decoys.
+    """A distribution of upright cylinders: narrow targets behind waypoints, and wide decoys.
 
-    "Behind" is as seen from home. ``seed`` and the key of the random draws determine the bytes of
-    the SDF. A decoy's distance from home is uniform in ``distance_m``, its bearing is uniform at
-    ``apart_deg`` or more from other objects, and it covers no waypoint's acceptance area.
+    A target is behind its waypoint as seen from home. ``seed`` and the key of the random draws
+    determine the bytes of the SDF. The distance of a decoy from home is uniform in ``distance_m``.
+    Its bearing is uniform among those at least ``apart_deg`` from the other objects. No decoy
+    covers a waypoint's acceptance area.
     """
 
     kind: ClassVar[str] = "group of objects"
     world_name: ClassVar[str] = "objects"
     course: Annotated[Course, A_COURSE]
-    target_m: Annotated[float, checks.POSITIVE]  # diameter of the narrow objects
-    decoy_m: Annotated[float, checks.POSITIVE]  # diameter of the wide objects
+    target_m: Annotated[float, checks.POSITIVE]  # diameter of the targets
+    decoy_m: Annotated[float, checks.POSITIVE]  # diameter of the decoys
     decoys: Annotated[int, replace(checks.COUNT, limit=100)]
     distance_m: Annotated[checks.Interval, checks.INTERVAL]  # home to the nearest point of a decoy
     apart_deg: Annotated[float, checks.number_between(0.0, 180.0)]
@@ -51,11 +52,11 @@ class Objects(Distribution):
             raise checks.invalid(self, "course", [*self.course.home[:2]], rule, "move the waypoint")
 
     def __hash__(self) -> int:
-        """Hash the numbers only, because an interval may be a list."""
+        """Hash the numbers, because an interval may be a list."""
         return hash((self.seed, self.decoys, self.course))
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Return the ground and the objects; it is an error if the random decoys do not fit."""
+        """Return the ground, targets and decoys; raise an InputError if the decoys do not fit."""
         rng = generator(draws, f"objects {self.seed}")
         return (GROUND, *self._place_targets(), *self._draw_decoys(rng))
 
@@ -110,6 +111,6 @@ def generate_objects(
     seed: int = 0,
     renew: bool = False,
 ) -> World:
-    """Generate objects; with ``renew``, each mission has new decoys (see ``Objects``)."""
+    """Generate objects, with ``renew`` new decoys for each mission; see ``Objects``."""
     objects = Objects(course, target_m, decoy_m, decoys, distance_m, apart_deg, height_m, seed)
     return draw_example(objects, renew, "generate_objects")

@@ -1,4 +1,4 @@
-"""The bodies of a generated field: obstacles, placed one after another, and surrounding walls."""
+"""The obstacles of a generated field, placed one after another, and the surrounding walls."""
 
 import math
 from abc import ABC, abstractmethod
@@ -18,7 +18,7 @@ from evoros.geometry.polygon import polygon_distance
 from evoros.geometry.polyhedron import solid_moments
 from evoros.geometry.shapes import MASS, Body, Pose, Shape
 
-_MIN_SIZE_M = 0.001  # minimum size [m], and the step [m] to which sizes are rounded
+_MIN_SIZE_M = 0.001  # minimum size, and the resolution of sizes [m]
 SIZE = checks.Rule(
     f"a number >= {_MIN_SIZE_M:g}, or [low, high] with such numbers and low <= high",
     lambda v: checks.INTERVAL.holds(v) and checks.bounds(v)[0] >= _MIN_SIZE_M,
@@ -26,15 +26,15 @@ SIZE = checks.Rule(
 
 
 class ObstacleKind(ABC):
-    """A random distribution of obstacles, listed in the SDF under its lower-case class name."""
+    """A random distribution of obstacles, named in the SDF by its lower-case class name."""
 
-    share: float = 1.0  # relative frequency of this kind
+    share: float = 1.0  # relative frequency of the kind
     mass_kg: float | None = None
-    """The mass [kg] of an obstacle that can be pushed; None: it is fixed."""
+    """The mass [kg] of a movable obstacle; None for fixed obstacles."""
 
     @abstractmethod
     def draw(self, rng: Generator) -> Shape:
-        """Draw the shape of an obstacle: a box or cylinder with sizes in whole millimetres."""
+        """Generate the shape of an obstacle: a box or cylinder with sizes in whole millimetres."""
 
 
 KINDS = checks.mapping_of(ObstacleKind, "kinds of obstacles (subclasses of ObstacleKind)")
@@ -43,7 +43,7 @@ KINDS = checks.mapping_of(ObstacleKind, "kinds of obstacles (subclasses of Obsta
 @dataclass(frozen=True)
 @checks.checked
 class Box(ObstacleKind):
-    """An upright box, such as a crate, a low block or a wall."""
+    """An upright box, such as a crate, a kerb or a wall."""
 
     length_m: Annotated[checks.Interval, SIZE]
     width_m: Annotated[checks.Interval, SIZE]
@@ -52,7 +52,7 @@ class Box(ObstacleKind):
     mass_kg: Annotated[float | None, MASS] = None
 
     def draw(self, rng: Generator) -> Shape:
-        """Draw the length along x, the width along y and the height along z."""
+        """Generate a box with random length (x), width (y) and height (z)."""
         intervals = (self.length_m, self.width_m, self.height_m)
         return Shape("box", tuple(_draw_size(interval, rng) for interval in intervals))
 
@@ -68,7 +68,7 @@ class Cylinder(ObstacleKind):
     mass_kg: Annotated[float | None, MASS] = None
 
     def draw(self, rng: Generator) -> Shape:
-        """Draw the diameter and the height."""
+        """Generate a cylinder with random diameter and height."""
         diameter, height = (_draw_size(size, rng) for size in (self.diameter_m, self.height_m))
         return Shape("cylinder", (diameter / 2, height))
 
@@ -79,19 +79,18 @@ def _draw_size(interval: checks.Interval, rng: Generator) -> float:
 
 CELL_M = 0.2
 MARGIN_M = 0.1415
-"""Maximum distance [m] from a point between two neighbouring cell centres to the nearer centre.
+"""Maximum distance [m] from the line between adjacent cell centres to the nearer centre.
 
-A disc that is free by this margin at all cell centres of a path is free all along the path.
+A disc that keeps this margin at all cell centres of a path collides nowhere on the path.
 """
 
 
 class Passage:
-    """A path for a disc of diameter ``width`` [m] along each leg of a route, among obstacles.
+    """Free paths for a disc of diameter ``width`` [m] on the legs of routes, among obstacles.
 
-    ``low`` and ``high`` are opposite corners (2,) [m] of the field. Each of the points (n, 2) [m]
-    of ``routes`` must have ``width / 2 + 2 * MARGIN_M`` of free ground around it; consecutive
-    points of a route form a leg. The grid contains every path that is half a metre wider than
-    ``width``.
+    ``low`` and ``high`` are opposite corners (2,) [m] of the field. ``routes`` are the points (n,
+    2) [m] between which the legs lead; a radius of ``width / 2 + 2 * MARGIN_M`` around each point
+    must be free. The grid contains every path that is half a metre wider than ``width``.
     """
 
     def __init__(self, low: Array, high: Array, routes: Sequence[Array], width: float) -> None:
@@ -102,7 +101,7 @@ class Passage:
         self._legs = [leg for places in cells for leg in pairwise(map(tuple, places))]
 
     def add(self, footprint: Footprint) -> bool:
-        """Add an obstacle if every leg keeps a path, and return True if it was added."""
+        """Add an obstacle if every leg keeps a free path; return True if it was added."""
         free = self._space.free
         window, blocked = self._space.find_near(footprint, self._radius)
         before = free[window].copy()
@@ -114,16 +113,16 @@ class Passage:
         return False
 
 
-MAX_POSES = 300  # maximum number of poses tried for one obstacle
+MAX_POSES = 300  # maximum number of random poses for an obstacle
 
 
 @dataclass
 class PlacedObstacles:
-    """The obstacles placed so far, and the space that the next one must leave free.
+    """The obstacles placed so far, and the area where others may be placed.
 
-    ``low`` and ``high`` are opposite corners (2,) [m] of the field, of which the outermost
-    ``inset`` [m] stays free; ``points`` (n, 2) [m] belong to the route. Obstacles stay ``clearing``
-    [m] from these points and ``gap`` [m] from each other, and leave the path of ``passage`` open.
+    ``low`` and ``high`` are opposite corners (2,) [m] of the field, whose margin of ``inset`` [m]
+    stays free. Obstacles keep a distance of ``clearing`` [m] from the route's ``points`` (n, 2) [m]
+    and of ``gap`` [m] from each other, and do not block ``passage``.
     """
 
     low: Array
@@ -139,7 +138,7 @@ class PlacedObstacles:
         self._centres, self._radii = np.empty((0, 2)), np.empty(0)
 
     def place(self, shape: Shape, rng: Generator) -> Pose | None:
-        """Place a shape upright at a random position and heading; None if no room is left."""
+        """Place a shape upright at a random pose, and return the pose; None if no room is found."""
         height = shape.size[-1] / 2
         for _ in range(MAX_POSES):
             u, v, w = rng.random(3).tolist()
@@ -154,7 +153,7 @@ class PlacedObstacles:
         return None
 
     def add(self, footprint: Footprint) -> bool:
-        """Add an obstacle if there is room for it, and return True if it was added."""
+        """Add an obstacle if there is room; return True if it was added."""
         corners, radius = footprint.vertices, footprint.radius
         low, high = self.low + self.inset, self.high - self.inset
         inside = (corners - radius >= low) & (corners + radius <= high)
@@ -176,7 +175,7 @@ class PlacedObstacles:
 
 
 def _distance(first: Footprint, second: Footprint, cutoff: float) -> float:
-    """Return the distance [m] between two footprints, or a lower bound above ``cutoff``."""
+    """Return the distance [m] between footprints, or a lower bound if it exceeds ``cutoff``."""
     radii = first.radius + second.radius
     for area, point in ((first, second), (second, first)):
         if len(point.vertices) == 1:
@@ -190,7 +189,7 @@ WALL_WIDTH_M, WALL_HEIGHT_M = 0.2, 1.0
 def draw_obstacles(
     kinds: Mapping[str, ObstacleKind], count: int, placed: PlacedObstacles, rng: Generator
 ) -> Iterator[Body]:
-    """Place and yield ``count`` obstacles; end early if there is no room for one."""
+    """Place ``count`` random obstacles and yield them; stop early when an obstacle does not fit."""
     names = list(kinds)
     shares = np.cumsum([kind.share for kind in kinds.values()])
     for rank in range(1, count + 1):
@@ -205,7 +204,7 @@ def draw_obstacles(
 
 
 def build_walls(low: Array, high: Array) -> tuple[Body, ...]:
-    """Return four walls around a field with these opposite corners (2,) [m]."""
+    """Return four walls around the field with these opposite corners (2,) [m]."""
     (x, y), (length, width) = (low + high) / 2, high - low
     offset = WALL_WIDTH_M / 2
     along_x = Shape("box", (length + 2 * WALL_WIDTH_M, WALL_WIDTH_M, WALL_HEIGHT_M))

@@ -1,1 +1,1 @@
-"""Bundled files, durable writing, and the origin of this copy of evoros."""
+"""Files: bundled folders, durable writing, safe reading, and the origin of this copy of evoros."""

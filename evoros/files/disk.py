@@ -1,4 +1,4 @@
-"""Write files so that they survive power failures, and read regular files without links."""
+"""Writes files that survive power failures, and reads regular files without following links."""
 
 import errno
 import fcntl
@@ -18,7 +18,7 @@ CANNOT = (errno.EINVAL, errno.ENOTSUP)  # errors of network file systems that ca
 
 
 def sync(path: Path) -> None:
-    """Flush the content of a file, or the names in a folder, to the disk."""
+    """Flush a file's content, or a folder's entries, to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -29,11 +29,11 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # file systems mounted without locks
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP)  # errors of file systems without locks
 
 
 def lock(file: BinaryIO) -> bool:
-    """Lock a file; return False if its file system has no locks, raise OSError if it is locked."""
+    """Lock a file; return False on file systems without locks; raise OSError if it is locked."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
@@ -44,7 +44,7 @@ def lock(file: BinaryIO) -> bool:
 
 
 def make_folder(path: Path) -> None:
-    """Create a folder and its missing parents, and flush them to the disk."""
+    """Create a folder with its missing parents, and flush them to the disk."""
     missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     path.mkdir(parents=True, exist_ok=True)
     for folder in reversed(missing):
@@ -52,7 +52,7 @@ def make_folder(path: Path) -> None:
 
 
 def create_draft(path: Path) -> tuple[Path, BinaryIO]:
-    """Open a new file next to ``path`` that will replace it; delete a leftover draft first."""
+    """Open a new file, next to ``path``, that is to replace it; delete any leftover draft first."""
     draft = path.with_name(f".{path.name}.part")
     draft.unlink(missing_ok=True)
     return draft, draft.open("x+b")
@@ -60,28 +60,28 @@ def create_draft(path: Path) -> tuple[Path, BinaryIO]:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """Open a file for new content, which replaces the old content only if there is no error."""
+    """Open a file for new content, which replaces the old content unless an error occurs."""
     draft, file = create_draft(path)
     try:
         with file:
             yield file
             file.flush()
-            os.fsync(file.fileno())  # must precede the rename, or a power failure empties the file
+            os.fsync(file.fileno())  # required before the rename: a crash could leave an empty file
         draft.replace(path)
         sync(path.parent)
-    except BaseException:  # a full disk or Ctrl-C
+    except BaseException:  # includes a full disk and Ctrl-C
         draft.unlink(missing_ok=True)
         raise
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace the content of a file atomically."""
+    """Write a file atomically."""
     with replacing(path) as file:
         file.write(content if isinstance(content, bytes) else content.encode())
 
 
 def separate(path: Path) -> None:
-    """Replace a file that has several hard links with a copy, which is then safe to append to."""
+    """Replace a file that has several hard links with a copy, to which a program can append."""
     if not path.is_file() or path.stat().st_nlink == 1:
         return
     with replacing(path) as copy, path.open("rb") as file:
@@ -89,8 +89,8 @@ def separate(path: Path) -> None:
 
 
 def require_no_links(folder: Path) -> None:
-    """Require that a folder, which may be a link, contains only regular files and folders."""
-    # Links in somebody else's folder might point to the user's files.
+    """Require that a folder, or a linked folder, contains only regular files and folders."""
+    # Links in another person's folder could lead to private files of the user.
     folders = [folder]
     while folders:
         with _scan(folders.pop()) as entries:
@@ -114,20 +114,20 @@ def _scan(folder: str | Path) -> "os._ScandirIterator[str]":
 
 
 def exists(path: Path) -> bool:
-    """Return True if a file or folder exists and is visible to this user."""
+    """Return True if a file or folder exists and is visible to the user."""
     try:
         return path.exists()
-    except OSError:  # a parent is not accessible, or the name is invalid
+    except OSError:  # an inaccessible parent, or an invalid name
         return False
 
 
-SMALL = 16 * 2**20  # maximum size of a short file, such as a configuration [bytes]
-LARGE = 2**30  # maximum size of any other file that is read as a whole [bytes]
-LONGEST_LINE = 2**20  # maximum length of a line in a table that is read line by line [bytes]
+SMALL = 16 * 2**20  # maximum size [bytes] of a small file, such as a configuration
+LARGE = 2**30  # maximum size [bytes] of other files that are read at once
+LONGEST_LINE = 2**20  # maximum length [bytes] of a line in tables that are read by line
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Open a regular file, without waiting for a pipe or following a link; else raise OSError."""
+    """Open a regular file; raise an OSError for a link, a pipe or another kind of file."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -139,13 +139,13 @@ def read_regular(path: Path, limit: int = LARGE) -> bytes:
     """Read a regular file of at most ``limit`` bytes."""
     with open_regular(path) as file:
         _require_size(path, os.fstat(file.fileno()).st_size, limit)
-        content = file.read(limit + 1)  # the file may still be growing
+        content = file.read(limit + 1)  # the file may have grown
         _require_size(path, len(content), limit)
     return content
 
 
 def hash_regular(path: Path) -> str:
-    """Return the SHA-256 of a regular file of at most ``LARGE`` bytes."""
+    """Return the SHA-256 digest of a regular file of at most ``LARGE`` bytes."""
     with open_regular(path) as file:
         _require_size(path, os.fstat(file.fileno()).st_size, LARGE)
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,4 +1,4 @@
-"""Read untrusted JSON and YAML safely, with limits on nesting and expansion."""
+"""Reads untrusted JSON and YAML, with limits on nesting and expansion."""
 
 import json
 import re
@@ -11,10 +11,10 @@ import yaml
 from evoros.files.disk import SMALL, read_regular
 
 DEPTH = 100  # maximum nesting depth of objects and lists
-EXPANDED = 10**7  # maximum length of all values with resolved references [characters]
-_IN_C: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # missing in some builds of PyYAML
+EXPANDED = 10**7  # maximum total length [characters] of all values with resolved references
+_IN_C: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # None in some builds of PyYAML
 _BYTE = re.compile(r"\\uDC[89A-F]", re.IGNORECASE)
-"""YAML escape of a non-UTF-8 byte in a path; the C loader rejects it."""
+"""A YAML escape for a byte of a path that is not UTF-8; the C loader rejects it."""
 _REFERENCE = re.compile(r"\$\{(\.*)([^{}:]+)\}")
 
 
@@ -34,7 +34,7 @@ def parse_json(content: bytes | str) -> Any:
 
 
 def read_yaml(path: Path) -> tuple[Any, str]:
-    """Read a small YAML file; return its tree and its content. Raise an OSError or a ValueError."""
+    """Read a YAML file of at most ``SMALL`` bytes; return its tree and its text."""
     text = read_regular(path, SMALL).decode()
     return parse_yaml(text), text
 
@@ -52,7 +52,7 @@ def parse_yaml(text: str) -> Any:
 
 
 def _check_events(text: str, loader: Any) -> None:
-    """Require limited nesting and no aliases, which could expand without limit."""
+    """Require limited nesting, and no aliases, because these can expand without limit."""
     depth = 0
     for event in yaml.parse(text, Loader=loader):
         if isinstance(event, yaml.AliasEvent):
@@ -64,7 +64,7 @@ def _check_events(text: str, loader: Any) -> None:
 
 
 def _check_references(tree: Any) -> None:
-    """Require that nested references expand to at most ``EXPANDED`` characters."""
+    """Require that references expand to at most ``EXPANDED`` characters in total."""
     known: dict[tuple[str, ...], int] = {}
 
     def measure(path: tuple[str, ...], node: Any) -> int:

@@ -1,8 +1,8 @@
-"""The origin of this copy of evoros: version, commit, and local changes.
+"""The origin of this copy of evoros: version, commit and local changes.
 
-The version comes from git tags, such as ``v1.2.0``. A checkout runs git each time, a build records
-the origin (``hatch_build.py``), and ``git archive`` records it in ``archive.txt``. The build loads
-only this file, so it must not import other modules of evoros.
+Versions come from git tags, such as ``v1.2.0``. In a checkout, git is asked each time; a build
+stores the origin (``hatch_build.py``), and ``git archive`` stores it in ``archive.txt``. The build
+loads this file alone, so it must not import other modules of evoros.
 """
 
 import json
@@ -15,14 +15,14 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-FIRST = "0.1.0"  # the next version as long as there is no tag
-RECORD = "origin.json"  # file in the package folder with the origin recorded by a build
+FIRST = "0.1.0"  # the next version while there is no tag
+RECORD = "origin.json"  # file in the package folder in which a build stores the origin
 _PACKAGE = Path(__file__).resolve().parents[1]
 _ROOT = _PACKAGE.parent
 _ARCHIVE = Path(__file__).with_name("archive.txt")
 _TAGS = ("--tags", "--long", "--abbrev=40", "--match=v[0-9]*")
 _SOURCES = ("evoros", "analysis", "conf", "robots", "worlds", "pyproject.toml")
-"""Paths in a checkout that a build uses."""
+"""The paths in a checkout that a build contains."""
 
 
 class Origin(NamedTuple):
@@ -51,18 +51,18 @@ def _ask_git() -> Origin | None:
 
 
 def read_patch() -> str | None:
-    """Return the changes to a checkout's sources, with new files, as a patch; None if unknown."""
+    """Return the changes to a checkout's sources as a patch, with new files; None if unknown."""
     changes = _git("diff", "--binary", "--no-ext-diff", "--no-color", "HEAD", "--", *_SOURCES)
     others = _git("ls-files", "-z", "--others", "--exclude-standard", "--", *_SOURCES)
     if not (_ROOT / ".git").exists() or changes is None or others is None:
         return None
     added = ("diff", "--binary", "--no-index", "--no-color", "--", "/dev/null")
     texts = [changes, *(_git(*added, name, status=1) for name in others.split("\0") if name)]
-    return "".join(f"{text}\n\n" for text in texts if text)  # an empty line ends a binary patch
+    return "".join(f"{text}\n\n" for text in texts if text)  # binary patches end with an empty line
 
 
 def _git(*arguments: str, status: int = 0) -> str | None:
-    """Return the output of git about the checkout; None if git is missing or fails."""
+    """Run git in the checkout and return its output; None if git is missing or fails."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
     command = ["git", "--no-optional-locks", "-C", str(_ROOT), *arguments]
     with suppress(OSError, subprocess.TimeoutExpired):
@@ -95,15 +95,15 @@ def _read_archive() -> Origin | None:
         return None
     described = lines[1] if len(lines) > 1 and lines[1].startswith("v") else "-0-"
     if described.startswith("v") and not re.search(r"-\d+-g[0-9a-f]{40}$", described):
-        described += "-0-"  # a tagged commit is described by the tag only, without --long
+        described += "-0-"  # git describes a tagged commit by the tag alone
     return Origin(form_version(described, lines[0], False), lines[0], False)
 
 
 def form_version(described: str, commit: str, dirty: bool) -> str:
     """Convert the output of ``git describe --long``, TAG-DISTANCE-..., to a PEP 440 version.
 
-    A tagged commit has the tag's version (``0.2.0``), any other commit has a development version of
-    the next release (``0.2.1.dev14+g0123456789``). Without a tag, the next version is ``FIRST``.
+    The version of a tagged commit is the tag (``0.2.0``). Any other commit is a development version
+    of the next release (``0.2.1.dev14+g0123456789``), which is ``FIRST`` if there is no tag.
     """
     tag, distance, _ = described.rsplit("-", 2)
     version = tag.removeprefix("v") or FIRST

@@ -1,7 +1,7 @@
-"""Plug-ins: their additions to the core, their discovery, and messages about missing ones.
+"""Plug-ins, their discovery, and messages about missing ones.
 
-A bundled plug-in is a folder of ``evoros/plugins``. Other packages add plug-ins by entry points of
-the group ``evoros.plugins``. Both are packages with a variable ``PLUGIN``.
+Bundled plug-ins are folders of ``evoros/plugins``; other packages offer theirs by entry points of
+the group ``evoros.plugins``. In both cases, a package has a variable ``PLUGIN``.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,22 +15,22 @@ from typing import Any
 
 from evoros.files.resources import PACKAGE, bundled_folder
 
-GROUP = "evoros.plugins"  # package of the bundled plug-ins, and group of entry points
+GROUP = "evoros.plugins"  # package of bundled plug-ins, and entry point group
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class Subcommand:
-    """A subcommand: its function as MODULE:NAME, arguments, one line of help, and options."""
+    """A subcommand: its function (MODULE:NAME), arguments, help line and options."""
 
     target: str
     arguments: str
     about: str
     options: tuple[str, ...] = ()
-    """Long options except --help; for ``analyze``, the options common to all figures."""
+    """Long options except --help; for ``analyze``, only options common to all figures."""
 
     def load(self) -> Callable[[Sequence[str]], int]:
-        """Import the function, which takes the arguments and returns the exit status."""
+        """Import the function, which maps arguments to an exit status."""
         module, _, name = self.target.partition(":")
         function: Callable[[Sequence[str]], int] = getattr(import_module(module), name)
         return function
@@ -38,15 +38,15 @@ class Subcommand:
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plug-in, and its additions, keyed by the names that users type."""
+    """A plug-in; its additions have the names that users type as keys."""
 
     package: str  # ``__name__`` of the package
-    title: str  # one line for users
+    title: str  # one-line title for users
     subcommands: Mapping[str, Subcommand] = field(default_factory=lambda: _NOTHING)
     figures: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
-    """Modules of subcommands of ``evoros analyze`` by name; they replace modules of the core."""
-    exports: frozenset[str] = frozenset()  # figures that only write files for other software
-    extras: tuple[str, ...] = ()  # extras of evoros with the plug-in's libraries
+    """Modules of figures of ``evoros analyze`` by name; they take precedence over core modules."""
+    exports: frozenset[str] = frozenset()  # figures that are files for other software
+    extras: tuple[str, ...] = ()  # extras of evoros that install the plug-in's libraries
 
     @property
     def folder(self) -> Path:
@@ -55,13 +55,13 @@ class Plugin:
 
     @property
     def conf(self) -> Path:
-        """The folder of the plug-in's configuration groups, which may be missing."""
+        """The folder of the plug-in's configuration groups; may be missing."""
         return self.folder / "conf"
 
 
 @cache
 def find_plugins() -> Mapping[str, Plugin]:
-    """Find all plug-ins by name; a bundled plug-in replaces an installed one of the same name."""
+    """Find all plug-ins by name; bundled plug-ins take precedence over installed ones."""
     folders = sorted(file.parent.name for file in (PACKAGE / "plugins").glob("*/__init__.py"))
     bundled = {name: f"{GROUP}.{name}" for name in folders}
     installed = {entry.name: entry.value for entry in sorted(entry_points(group=GROUP))}
@@ -70,7 +70,7 @@ def find_plugins() -> Mapping[str, Plugin]:
 
 
 def conf_folders() -> Sequence[Path]:
-    """Return the folders of configuration groups of the core, then of the plug-ins."""
+    """Return the folders of configuration groups, first the core's, then those in plug-ins."""
     folders = (plugin.conf for plugin in find_plugins().values())
     return [bundled_folder("conf"), *(folder for folder in folders if folder.is_dir())]
 
@@ -94,11 +94,11 @@ BUNDLED: Mapping[str, Sequence[str]] = {
     "trackers": ("observers=mlflow", "observers=tensorboard", "observers=wandb"),
     "watch": ("watch",),
 }
-"""Words of each bundled plug-in: ``GROUP=CHOICE``, a subcommand, or ``analyze FIGURE``."""
+"""Words that each bundled plug-in adds: ``GROUP=CHOICE``, a subcommand, or ``analyze FIGURE``."""
 
 
 def explain_missing(word: str) -> str:
-    """Explain how to get the missing bundled plug-in that adds a word; empty if none is missing."""
+    """Explain how to obtain the bundled plug-in that adds a word; empty if none is missing."""
     names = [name for name, words in BUNDLED.items() if word in words]
     if not names or names[0] in find_plugins():
         return ""

@@ -1,4 +1,4 @@
-"""Detects all files that a piece of code reads, including libraries."""
+"""Records all files that a piece of code reads, including those in libraries."""
 
 import os
 import sys
@@ -8,14 +8,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-_READ = "evoros.read"  # audit event for a file that another process has read for this one
+_READ = "evoros.read"  # audit event for a file that another process has read on behalf of this one
 _WRITING = os.O_WRONLY | os.O_RDWR
 _COLLECTORS: list[set[Path]] = []
 
 
 @contextmanager
 def collect_reads() -> Iterator[set[Path]]:
-    """Collect the full paths of all files that Python opens for reading in this context."""
+    """Collect the full paths of all files that are opened for reading within the context."""
     _install()
     paths: set[Path] = set()
     _COLLECTORS.append(paths)
@@ -26,14 +26,14 @@ def collect_reads() -> Iterator[set[Path]]:
 
 
 def note_read(paths: Iterable[str]) -> None:
-    """Note files that an external process has read."""
+    """Report files that another process has read."""
     for path in paths:
         sys.audit(_READ, path, "r", 0)
 
 
 @cache
 def _install() -> None:
-    """Install the permanent hook, which has no effect outside ``collect_reads``."""
+    """Install the audit hook permanently; it does nothing outside ``collect_reads``."""
     sys.addaudithook(_note)
 
 

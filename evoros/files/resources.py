@@ -11,12 +11,12 @@ PACKAGE = Path(__file__).resolve().parents[1]  # folder of the package ``evoros`
 
 
 def bundled_folder(name: str) -> Path:
-    """Return the path of the bundled folder ``conf``, ``robots`` or ``worlds``."""
+    """Return the path of a bundled folder: ``conf``, ``robots`` or ``worlds``."""
     return (PACKAGE / name).resolve()
 
 
 def expand_home(path: str | Path) -> Path:
-    """Replace a leading ``~`` or ``~user`` with the home folder, unless the user is unknown."""
+    """Replace a leading ``~`` or ``~user`` with the home folder, if it is known."""
     return Path(os.path.expanduser(path))
 
 
@@ -33,7 +33,7 @@ _PAGES = b"<!doctype html", b"<html"
 
 
 def read_file(path: Path) -> bytes:
-    """Read a file named by a user or a description."""
+    """Read a file that a user or a description names."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -53,7 +53,7 @@ def read_file(path: Path) -> bytes:
 
 
 def find_file(name: str, kind: str) -> Path:
-    """Find a file in the current folder or among evoros's ``kind``; warn if both have one."""
+    """Find a file in the current folder or in the bundled folder ``kind``; warn if both have it."""
     path = expand_home(name)
     files = [file for file in (path, bundled_folder(kind) / path) if file.is_file()]
     if len(files) == 2 and not files[0].samefile(files[1]):

@@ -1,4 +1,4 @@
-"""Read untrusted zip files safely; the comment of evoros's has the SHA-256 of their content."""
+"""Reads untrusted zip files safely, and writes zip files with a SHA-256 digest as comment."""
 
 import hashlib
 import stat
@@ -13,9 +13,9 @@ from evoros.base.errors import InputError, single_line
 from evoros.files.disk import LARGE, open_regular
 
 MOST_MEMBERS = 200_000
-LARGEST = 16 * 2**30  # maximum total unpacked size of all members [bytes]
-RATIO = 100  # maximum ratio of the unpacked to the packed size of a member
-ANY_RATIO = 2**20  # unpacked size [bytes] up to which a member may have any ratio
+LARGEST = 16 * 2**30  # maximum total size [bytes] of all unpacked members
+RATIO = 100  # maximum compression ratio of a member
+ANY_RATIO = 2**20  # size [bytes] of unpacked members up to which the ratio is unlimited
 MARK = b"evoros sha256:"
 _GET_AGAIN = "download or copy the file again"
 _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError, zlib.error)
@@ -23,7 +23,7 @@ _DAMAGES = (BadZipFile, LargeZipFile, EOFError, NotImplementedError, ValueError,
 
 @contextmanager
 def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
-    """Open a zip file and check that its members can be unpacked safely; return them by name."""
+    """Open a zip file, check that its members can be unpacked safely, and yield them by name."""
     with _explain(path), open_regular(path) as file, ZipFile(file) as archive:
         members = _check_members(path, archive.infolist())
         if not archive.comment.startswith(MARK) or archive.comment != _mark(
@@ -34,16 +34,16 @@ def open_zip(path: Path) -> Iterator[tuple[ZipFile, Mapping[str, ZipInfo]]]:
 
 
 def read_member(path: Path, archive: ZipFile, member: ZipInfo) -> bytes:
-    """Read a member as a whole."""
+    """Read all of a member."""
     with _explain(path):
         return archive.read(member)
 
 
 def add_member(archive: ZipFile, name: str, content: bytes) -> None:
-    """Add a file with a fixed date and mode, so that equal contents have equal bytes."""
+    """Add a file with a fixed date and mode, so that equal contents give equal bytes."""
     member = ZipInfo(name, (1980, 1, 1, 0, 0, 0))
     member.external_attr = (stat.S_IFREG | 0o644) << 16
-    member.create_system = 3  # Unix on all systems
+    member.create_system = 3  # Unix, on all operating systems
     packed = zlib.compress(content, 6)
     bounded = len(content) <= min(ANY_RATIO, RATIO) or len(content) < RATIO // 2 * len(packed)
     member.compress_type = ZIP_DEFLATED if bounded else ZIP_STORED
@@ -51,7 +51,7 @@ def add_member(archive: ZipFile, name: str, content: bytes) -> None:
 
 
 def require_fitting(path: Path, name: str, size: int, total: int) -> None:
-    """Require that an added file, and the total so far, do not exceed the limits for reading."""
+    """Require that an added file and the total so far are within the limits for reading."""
     if size > LARGE or total > LARGEST:
         raise InputError(
             f"{path}: {name!r} exceeds the limit of {LARGE >> 20} MiB per file or of "
@@ -60,7 +60,7 @@ def require_fitting(path: Path, name: str, size: int, total: int) -> None:
 
 
 def add_folder(archive: ZipFile, name: str) -> None:
-    """Add the entry of a folder, which readers of RO-Crates need."""
+    """Add a folder entry, which readers of RO-Crates need."""
     member = ZipInfo(f"{name}/", (1980, 1, 1, 0, 0, 0))
     member.external_attr = (stat.S_IFDIR | 0o755) << 16 | 0x10
     member.create_system = 3
@@ -68,7 +68,7 @@ def add_folder(archive: ZipFile, name: str) -> None:
 
 
 def seal_zip(file: BinaryIO) -> None:
-    """Write the digest of a closed zip file into its comment."""
+    """Write the digest of a closed zip file to its comment."""
     with ZipFile(file, "a") as archive:
         archive.comment = MARK + b"0" * 64
     comment = _mark(file, len(MARK) + 64)
@@ -77,7 +77,7 @@ def seal_zip(file: BinaryIO) -> None:
 
 
 def _mark(file: BinaryIO, length: int) -> bytes:
-    """Return the correct comment, of ``length`` bytes, of a zip file."""
+    """Return the correct comment, with ``length`` bytes, for a zip file."""
     left = file.seek(0, 2) - length
     file.seek(0)
     digest = hashlib.sha256()
@@ -131,7 +131,7 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
 
 
 def _find_damage(archive: ZipFile) -> str:
-    """Describe the first damaged member, to complete "... has changed"."""
+    """Describe the first damaged member, or the structure, to complete "... has changed"."""
     for member in archive.infolist():
         try:
             archive.read(member)

@@ -1,1 +1,1 @@
-"""Filters: noise, delays and faults between a sensor and the controller."""
+"""Filters, which add noise, delays and faults to the signals of sensors and controllers."""

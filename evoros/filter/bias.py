@@ -1,4 +1,4 @@
-"""A systematic sensor error: each channel is off by a constant amount."""
+"""A constant offset of each channel, a systematic sensor error."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -15,13 +15,14 @@ from evoros.filter.protocol import Channels, Filter, add_within, select_channels
 class Bias(Filter):
     """Adds a constant offset to each channel and clips the sum to the channel's limits.
 
-    Each mission draws ``offset_m`` plus a normal deviate. A value at ``high`` (nothing seen) stays.
+    The offset is ``offset_m`` plus a normal deviate for each channel and mission. A value at
+    ``high``, which means that nothing was seen, is unchanged.
     """
 
     name = "Bias"
-    offset_m: Annotated[float, NUMBER] = 0.0  # unit of the values
-    sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # standard deviation between channels, same unit
-    of: Annotated[str | None, TEXT] = None  # prefix of channel names; None: all channels
+    offset_m: Annotated[float, NUMBER] = 0.0  # mean offset, in the unit of the values
+    sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # standard deviation, in the same unit
+    of: Annotated[str | None, TEXT] = None  # prefix of filtered channels; None: all channels
 
     class Parameters(NamedTuple):
         offset: Array

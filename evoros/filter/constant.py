@@ -1,4 +1,4 @@
-"""A filter that replaces a signal with a fixed value."""
+"""A constant in place of a signal."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from evoros.filter.protocol import ENDS, Channels, Filter, refuse_pose
 @dataclass(frozen=True)
 @checked
 class Constant(Filter):
-    """Replaces every value except NaN with one number, in the unit of the channel."""
+    """Replaces every value except NaN with a constant in the unit of the channel."""
 
     name = "Constant"
     effect = ENDS
@@ -42,7 +42,7 @@ class Constant(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Write the value after the onset."""
+        """Write the constant after the onset."""
         for i in range(len(values)):
             if time >= parameters.onset[i] and not math.isnan(values[i]):
                 values[i] = parameters.value

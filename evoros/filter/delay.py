@@ -1,4 +1,4 @@
-"""A transport delay: a value arrives some time after it was sampled."""
+"""A transport delay between sampling and arrival of a value."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -14,9 +14,9 @@ from evoros.filter.protocol import Channels, Filter
 @dataclass(frozen=True)
 @checked
 class Delay(Filter):
-    """Replaces each sample with the newest one that is at least ``delay_s`` old.
+    """Replaces each sample with the latest one that is at least ``delay_s`` old.
 
-    The delay is rounded up to sampling periods; until then, the first value is repeated.
+    The delay is rounded up to whole sampling periods. The first value is repeated until then.
     """
 
     name = "Delay"
@@ -35,7 +35,7 @@ class Delay(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, memory: Memory, values: Array, time: float) -> None:
-        """Read the oldest sample of the ring, then store the new one in its place."""
+        """Read the oldest sample of the ring buffer and overwrite it with the new sample."""
         samples, calls = len(memory.ring), int(memory.calls[0])
         if samples == 0:
             return

@@ -1,4 +1,4 @@
-"""A sensor drift: the readings move steadily away from the true values."""
+"""A sensor drift: an error that increases steadily with time."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -13,18 +13,18 @@ from evoros.filter.protocol import GROWS, Channels, Filter, add_within, select_c
 @dataclass(frozen=True)
 @checked
 class Drift(Filter):
-    """Adds an offset to each channel that grows steadily after the onset, up to a limit.
+    """Adds an offset to each channel that increases linearly after the onset, up to a limit.
 
-    Each mission draws a rate for each channel, ``rate_mps`` plus a normal deviate. The sum is
-    clipped to the channel's limits. A value at ``high`` (nothing seen) stays.
+    The rate is ``rate_mps`` plus a normal deviate for each channel and mission. The sum is clipped
+    to the channel's limits. A value at ``high``, which means that nothing was seen, is unchanged.
     """
 
     name = "Drift"
     effect = GROWS
-    rate_mps: Annotated[float, NUMBER] = 0.0  # unit of the values per second
-    sd_mps: Annotated[float, NOT_NEGATIVE] = 0.01  # standard deviation between channels, same unit
-    limit_m: Annotated[float, POSITIVE] = 1.0  # maximum size of the offset, unit of the values
-    of: Annotated[str | None, TEXT] = None  # prefix of channel names; None: all channels
+    rate_mps: Annotated[float, NUMBER] = 0.0  # mean rate, in the unit of the values per second
+    sd_mps: Annotated[float, NOT_NEGATIVE] = 0.01  # standard deviation, in the same unit
+    limit_m: Annotated[float, POSITIVE] = 1.0  # maximum offset, in the unit of the values
+    of: Annotated[str | None, TEXT] = None  # prefix of filtered channels; None: all channels
 
     class Parameters(NamedTuple):
         rate: Array

@@ -1,4 +1,4 @@
-"""An intermittent fault: samples are lost, one at a time or in outages."""
+"""An intermittent fault that loses single samples or all samples of an outage."""
 
 import math
 from dataclasses import dataclass
@@ -14,25 +14,25 @@ from evoros.filter.protocol import ALTERS, ENDS, Channels, Filter, Held, hold_no
 @dataclass(frozen=True)
 @checked
 class Dropout(Filter):
-    """Starts an outage of a channel with ``probability`` at each sample outside an outage.
+    """Starts an outage of a channel with ``probability`` at each sample outside outages.
 
-    With d samples per outage and probability p, the share lost is d p / (1 + (d - 1) p).
+    With d samples per outage and probability p, a share of d p / (1 + (d - 1) p) is lost.
     """
 
     name = "Dropout"
     probability: Annotated[float, PROBABILITY] = 0.1
-    duration_s: Annotated[float, NOT_NEGATIVE] = 0.0  # length of an outage, at least 1 sample
-    lost: Annotated[str, one_of("silent", "last")] = "silent"  # NaN, or the last value
+    duration_s: Annotated[float, NOT_NEGATIVE] = 0.0  # duration of an outage, at least one sample
+    lost: Annotated[str, one_of("silent", "last")] = "silent"  # lost samples: NaN or the last value
 
     class Parameters(NamedTuple):
         probability: float
-        samples: float  # length of an outage
-        repeats: float  # 1 to repeat the last value
+        samples: float  # number of samples in an outage
+        repeats: float  # 1 if lost samples repeat the last value, else 0
         onset: Array
 
     @property
     def effect(self) -> str:  # type: ignore[override]
-        """``ENDS`` if every sample is lost."""
+        """``ENDS`` if all samples are lost, otherwise ``ALTERS``."""
         return ENDS if self.probability == 1 else ALTERS
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Held]:
@@ -43,10 +43,10 @@ class Dropout(Filter):
     def rule(
         parameters: Parameters, memory: Held, rng: Generator, values: Array, time: float
     ) -> None:
-        """Drop samples; every channel always draws, so no onset shifts another channel's draws."""
+        """Drop samples; every channel always draws, so onsets do not change others' draws."""
         for i in range(len(values)):
             starts = rng.random() < parameters.probability and time >= parameters.onset[i]
-            # Either the outage has one sample fewer left, or a new outage starts.
+            # An outage continues with one sample fewer, or a new one starts.
             memory.counter[i] = max(memory.counter[i] - 1.0, 0.0) or starts * parameters.samples
             if memory.counter[i] > 0.0:
                 values[i] = memory.value[i] if parameters.repeats == 1.0 else math.nan

@@ -16,8 +16,8 @@ class GaussianNoise(Filter):
     """Adds a normal deviate to each sample below ``high`` and clips the sum to the limits."""
 
     name = "GaussianNoise"
-    sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, unit of the values
-    of: Annotated[str | None, TEXT] = None  # prefix of channel names; None: all channels
+    sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, in the unit of the values
+    of: Annotated[str | None, TEXT] = None  # prefix of filtered channels; None: all channels
 
     class Parameters(NamedTuple):
         sigma: float
@@ -31,7 +31,7 @@ class GaussianNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every channel always draws, so no onset shifts another channel's draws."""
+        """Add the noise; every channel always draws, so onsets do not change others' draws."""
         sigma, onset, low, high = parameters
         for i in range(len(values)):
             noise = sigma * rng.standard_normal()

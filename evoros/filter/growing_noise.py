@@ -1,4 +1,4 @@
-"""Range sensor noise that grows with the distance."""
+"""Range sensor noise that increases with distance."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -13,9 +13,10 @@ from evoros.filter.protocol import Channels, Filter, add_within
 @dataclass(frozen=True)
 @checked
 class GrowingNoise(Filter):
-    """Adds a normal deviate to every sample and clips the sum to the limits.
+    """Adds a normal deviate to each sample and clips the sum to the limits.
 
-    At a range r, its sd is ``sigma_m`` + ``growth_per_m`` r². A value at ``high`` stays.
+    The standard deviation at range r is ``sigma_m`` + ``growth_per_m`` r². A value at ``high`` is
+    unchanged.
     """
 
     name = "GrowingNoise"
@@ -34,7 +35,7 @@ class GrowingNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every channel always draws, so no onset shifts another channel's draws."""
+        """Add the noise; every channel always draws, so onsets do not change others' draws."""
         sigma, growth, onset, low, high = parameters
         for i in range(len(values)):
             deviate = rng.standard_normal()

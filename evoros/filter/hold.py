@@ -1,4 +1,4 @@
-"""Sample and hold, for a source that is slower than its reader."""
+"""A sample-and-hold element for a source that is slower than its reader."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from evoros.filter.protocol import Channels, Filter
 @dataclass(frozen=True)
 @checked
 class Hold(Filter):
-    """Holds the value, or silence, at each multiple of ``period_s`` or the first call after it."""
+    """Samples the value in the first call of each ``period_s``, and repeats it until the next."""
 
     name = "Hold"
     period_s: Annotated[float, POSITIVE] = 0.5
@@ -25,7 +25,7 @@ class Hold(Filter):
         onset: Array
 
     class Memory(NamedTuple):
-        period: Array  # (1,) index of the last period
+        period: Array  # (1,) index of the current period
         value: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
@@ -34,8 +34,8 @@ class Hold(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, memory: Memory, values: Array, time: float) -> None:
-        """Sample if a new period has begun; otherwise repeat the held values."""
-        # The tolerance absorbs rounding just below a multiple of the period.
+        """Sample the values in the first call of a period; otherwise repeat the held values."""
+        # The tolerance absorbs rounding errors at multiples of the period.
         period = math.floor(time / parameters.period + 1e-6)
         begins = period != memory.period[0]
         memory.period[0] = period

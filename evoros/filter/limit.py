@@ -1,4 +1,4 @@
-"""A limit, for example on a drive's speed or the steering angle."""
+"""A limit, for example of the drive speed or the steering angle."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -14,7 +14,7 @@ from evoros.filter.protocol import Channels, Filter, refuse_pose
 @dataclass(frozen=True)
 @checked
 class Limit(Filter):
-    """Clips every value to [-limit, limit]."""
+    """Clips each value to [-limit, limit]."""
 
     name = "Limit"
     limit: Annotated[float, NOT_NEGATIVE] = 0.2  # unit of the values

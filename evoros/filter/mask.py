@@ -1,4 +1,4 @@
-"""A beam mask, as laser scan filters apply to beams that hit the robot itself."""
+"""A beam mask, as scan filters use to ignore beams that hit the robot itself."""
 
 import math
 from collections.abc import Sequence
@@ -26,12 +26,12 @@ SPANS = Rule(
 @dataclass(frozen=True)
 @checked
 class Mask(Filter):
-    """Makes some beams of each scan report the sensor's maximum range, whatever they hit."""
+    """Replaces the readings of some beams of each scan with the sensor's maximum range."""
 
     name = "Mask"
     effect = ENDS
-    scan: Annotated[int, COUNT] = 1  # number of beams in a scan
-    beams: Annotated[Sequence[Sequence[int]], SPANS] = ()  # [first, last] masked beams
+    scan: Annotated[int, COUNT] = 1  # number of beams per scan
+    beams: Annotated[Sequence[Sequence[int]], SPANS] = ()  # [first, last] beams of intervals
 
     class Parameters(NamedTuple):
         masked: Array
@@ -58,7 +58,7 @@ class Mask(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, values: Array, time: float) -> None:
-        """Write the maximum range; NaN stays NaN."""
+        """Write the maximum range to masked beams; NaN stays NaN."""
         for i in range(len(values)):
             if parameters.masked[i] and time >= parameters.onset[i] and not math.isnan(values[i]):
                 values[i] = parameters.high[i]

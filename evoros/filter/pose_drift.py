@@ -1,4 +1,4 @@
-"""A localization that drifts, as dead reckoning does."""
+"""A localization error that increases with time, as in dead reckoning."""
 
 import math
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from evoros.filter.protocol import GROWS, Channels, Filter, require_pose
 @dataclass(frozen=True)
 @checked
 class PoseDrift(Filter):
-    """Moves and turns the pose steadily after the onset, without wrapping the yaw."""
+    """Shifts and rotates the pose at a constant rate after the onset, without wrapping the yaw."""
 
     name = "PoseDrift"
     effect = GROWS
     rate_mps: Annotated[float, NOT_NEGATIVE] = 0.02
     direction_deg: Annotated[float | None, NUMBER] = None  # world frame; None: drawn
     yaw_rate_dps: Annotated[float, NUMBER] = 0.0  # [deg/s], left positive
-    longest_s: Annotated[float | None, POSITIVE] = None  # duration of the growth; None: unlimited
+    longest_s: Annotated[float | None, POSITIVE] = None  # duration of the increase; None: unlimited
 
     class Parameters(NamedTuple):
-        rate: Array  # x, y [m/s], yaw [rad/s], speed
+        rate: Array  # rates of x, y [m/s], yaw [rad/s] and speed
         longest: float
         onset: Array
 

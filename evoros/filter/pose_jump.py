@@ -1,4 +1,4 @@
-"""A localization that jumps, for example to a place that looks similar."""
+"""A localization error that occurs suddenly, for example at a place that looks like another."""
 
 import math
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ INSTEAD = (
 @dataclass(frozen=True)
 @checked
 class PoseJump(Filter):
-    """Moves and turns the pose by given amounts after the onset, without wrapping the yaw."""
+    """Shifts and rotates the pose by given amounts after the onset, without wrapping the yaw."""
 
     name = "PoseJump"
     distance_m: Annotated[float, NOT_NEGATIVE] = 1.0
@@ -28,7 +28,7 @@ class PoseJump(Filter):
     yaw_deg: Annotated[float, NUMBER] = 0.0  # left positive
 
     class Parameters(NamedTuple):
-        jump: Array  # x, y [m], yaw [rad], speed
+        jump: Array  # jumps of x, y [m], yaw [rad] and speed
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
@@ -44,7 +44,7 @@ class PoseJump(Filter):
 
 
 def move(distance: float, direction_deg: float | None, yaw_deg: float, rng: Generator) -> Array:
-    """Return an error in x, y, yaw [rad] and speed; one random number is drawn in any case."""
+    """Return an error of x, y [m], yaw [rad] and speed; always draw one random number."""
     share = float(rng.random())
     angle = 2.0 * math.pi * share if direction_deg is None else math.radians(direction_deg)
     sin, cos = elementary.sin_cos(angle)

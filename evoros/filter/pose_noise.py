@@ -18,7 +18,7 @@ class PoseNoise(Filter):
     """Adds independent normal deviates to x, y, yaw (not wrapped) and speed of each sample."""
 
     name = "PoseNoise"
-    sigma_position_m: Annotated[float, NOT_NEGATIVE] = 0.02  # x and y each
+    sigma_position_m: Annotated[float, NOT_NEGATIVE] = 0.02  # standard deviation of x and of y
     sigma_yaw_deg: Annotated[float, NOT_NEGATIVE] = 1.0
     sigma_speed_mps: Annotated[float, NOT_NEGATIVE] = 0.0
 
@@ -34,7 +34,7 @@ class PoseNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every value always draws, so no onset shifts another value's draws."""
+        """Add the noise; every value always draws, so onsets do not change others' draws."""
         for i in range(len(values)):
             noise = parameters.sigma[i] * rng.standard_normal()
             if time >= parameters.onset[i]:

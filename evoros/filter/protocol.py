@@ -1,4 +1,4 @@
-"""The base class of filters, their channels and shared checks."""
+"""The base class of filters, the channels that they change, and common checks."""
 
 import math
 from abc import ABC, abstractmethod
@@ -17,38 +17,38 @@ from evoros.compilation.named_rules import UNUSED, Started
 
 SIGNALS = "readings", "pose", "command", "drive", "strength"
 READINGS, POSE, COMMAND, DRIVE, STRENGTH = SIGNALS
-"""The signals of a mission, in the order in which they are computed.
+"""The signals of a mission in the order of their computation.
 
-The signals are the sensor readings, the localized pose, the controller's command, the command as
-the actuators carry it out, and the wheel strengths.
+They are the sensor readings, the localized pose, the controller's command, the command to the
+actuators, and the wheel strengths.
 """
 
 
 @dataclass(frozen=True)
 class Channels:
-    """The n values that a filter changes, with their limits and meaning."""
+    """The n values that a filter changes, their limits and their meaning."""
 
-    low: Array  # (n,) minimum value, -inf if there is none
-    high: Array  # (n,) maximum value, reported by a range sensor that sees nothing
-    position: Array  # (n, 3) [m], in the robot frame; zeros for a pose
-    period: float  # time between two samples [s]
-    names: tuple[str, ...] = ()  # (n,) quantities; empty for a pose
+    low: Array  # (n,) minimum values, -inf if unlimited
+    high: Array  # (n,) maximum values; a range sensor that sees nothing reports this value
+    position: Array  # (n, 3) [m], sensor positions in the robot frame; zeros for a pose
+    period: float  # [s], time between consecutive samples
+    names: tuple[str, ...] = ()  # (n,) names of the quantities; empty for a pose
     signal: str = READINGS  # one of SIGNALS
-    stops: Array | None = None  # (n,) the robot's maximum magnitudes; None: not a command
+    stops: Array | None = None  # (n,) the robot's maximum commands; None: not a command
 
     @property
     def size(self) -> int:
-        """The number of values."""
+        """The number of values n."""
         return len(self.low)
 
     def samples(self, duration_s: float) -> int:
-        """Return the number of samples in a duration, rounded up."""
-        # The tolerance absorbs rounding: 0.3 / 0.1 is slightly above 3.
+        """Return the number of samples in a duration [s], rounded up."""
+        # The tolerance absorbs rounding errors, as in 0.3 / 0.1 > 3.
         return math.ceil(duration_s / self.period - 1e-6)
 
 
 def select_channels(channels: Channels, onset: Array, of: str | None, part: str) -> Array:
-    """Return ``onset`` (n,), with infinity for channels whose name does not begin with ``of``."""
+    """Return ``onset`` (n,), set to infinity for channels whose name lacks the prefix ``of``."""
     if of is None:
         return onset
     chosen = [name.startswith(of) for name in channels.names]
@@ -62,7 +62,7 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
 
 
 def require_pose(channels: Channels, part: str, instead: str) -> None:
-    """Require that the channels are a pose; ``instead`` is the fix in the message."""
+    """Require that the channels are a pose; ``instead`` is the advice in the message."""
     if channels.signal != POSE:
         raise InputError(
             f"{part}: must filter a pose (x, y, yaw, speed), not {_describe(channels)}; {instead}"
@@ -70,7 +70,7 @@ def require_pose(channels: Channels, part: str, instead: str) -> None:
 
 
 def refuse_pose(channels: Channels, part: str) -> None:
-    """Require that the channels are not a pose, whose values have different units."""
+    """Require that the channels are not a pose, because its values differ in their units."""
     if channels.signal == POSE:
         raise InputError(
             f"{part}: must filter readings or a command, not a pose (x, y, yaw, speed); for a "
@@ -84,19 +84,19 @@ def _describe(channels: Channels) -> str:
 
 
 class Held(NamedTuple):
-    """The memory of a filter that repeats values: (n,) counters and values."""
+    """The memory (counters and values, both (n,)) of a filter that repeats values."""
 
     counter: Array
     value: Array
 
 
 def hold_nothing(channels: Channels) -> Held:
-    """Return a memory that holds no value yet."""
+    """Return a memory without values."""
     return Held(np.zeros(channels.size), np.full(channels.size, math.nan))
 
 
 FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
-"""Arguments of a filter's rule, which changes ``values`` in place; NaN means no value."""
+"""The arguments of a filter's rule, which modifies ``values`` in place; NaN means no value."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
 """Effects on readings: independent of the surroundings, altered, or increasingly independent."""
@@ -106,34 +106,34 @@ FILTER_RULES = {"effect": one_of(*EFFECTS), "name": TEXT}
 
 @compilable
 def add_within(value: float, amount: float, low: float, high: float) -> float:
-    """Return the sum of a reading and an error, clipped to the limits of its channel.
+    """Add an error to a reading and clip the sum to the limits of the channel.
 
-    A value at ``high`` is unchanged because it means that a range sensor sees nothing.
+    A value at ``high``, with which range sensors report that they see nothing, is unchanged.
     """
     return min(max(value + amount, low), high) if value < high else value
 
 
 class Filter(ABC):
-    """Noise, a delay or a fault between a source (sensors, localization) and the controller."""
+    """Noise, delay or fault of a signal between its source and its reader."""
 
     name: str
-    """The filter's name in the random streams of faults and in the column ``failed_by``.
+    """The name in the random streams of faults and in the column ``failed_by``.
 
-    Results depend on the name, so it must not change if the class is renamed.
+    It determines random draws, so it must not change if the class is renamed.
     """
-    effect: str = ALTERS  # effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``
+    effect: str = ALTERS  # effect on readings, shown in figures: ``ENDS``, ``ALTERS`` or ``GROWS``
     rule: Callable[..., None]
-    """The function that changes each sample; a static method, so that numba can compile it.
+    """The function that changes each sample; a static method, which numba can compile.
 
-    The function's arguments are a subset of ``FILTER_ARGUMENTS``.
+    Its arguments are a subset of ``FILTER_ARGUMENTS``.
     """
 
     @abstractmethod
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
-        """Return the parameters and the memory of ``rule`` for one mission.
+        """Return the parameters and the memory of ``rule`` for a mission.
 
-        ``onset`` (n,) is the time [s] at which the filter starts to act on each channel: 0 for an
-        ordinary filter, infinity for a channel that it never changes.
+        ``onset`` (n,) is the time [s] at which each channel's filter becomes active: 0 for ordinary
+        filters, infinity for channels that stay unchanged.
         """
 
 

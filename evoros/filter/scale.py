@@ -1,4 +1,4 @@
-"""An error proportional to the value, as from oversized or slipping wheels."""
+"""An error proportional to the value, for example from oversized or slipping wheels."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -13,17 +13,18 @@ from evoros.filter.protocol import Channels, Filter, select_channels
 @dataclass(frozen=True)
 @checked
 class Scale(Filter):
-    """Multiplies every sample of a channel by 1 + ``mean`` + two normal deviates.
+    """Multiplies each sample of a channel by 1 + ``mean`` + two normal deviates.
 
-    One deviate (``sd``) is drawn for each channel and mission, the other (``slip_sd``) for each
-    sample. The product is clipped to the limits. A value at ``high`` (nothing seen) stays.
+    The deviate with ``sd`` is constant in a mission; the deviate with ``slip_sd`` changes with each
+    sample. The product is clipped to the limits. A value at ``high``, which means that nothing was
+    seen, is unchanged.
     """
 
     name = "Scale"
     mean: Annotated[float, NUMBER] = 0.0
     sd: Annotated[float, NOT_NEGATIVE] = 0.01
     slip_sd: Annotated[float, NOT_NEGATIVE] = 0.0
-    of: Annotated[str | None, TEXT] = None  # prefix of channel names; None: all channels
+    of: Annotated[str | None, TEXT] = None  # prefix of filtered channels; None: all channels
 
     class Parameters(NamedTuple):
         factor: Array
@@ -39,7 +40,7 @@ class Scale(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Scale the values; every channel always draws, so no onset shifts another's draws."""
+        """Scale the values; every channel always draws, so onsets do not change others' draws."""
         factor, slip, onset, low, high = parameters
         for i in range(len(values)):
             scale = factor[i] + slip * rng.standard_normal()

@@ -1,4 +1,4 @@
-"""A filter that silences a sensor."""
+"""A sensor that stops sending readings."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from evoros.filter.protocol import ENDS, Channels, Filter
 
 @dataclass(frozen=True)
 class Silence(Filter):
-    """Replaces every value after the onset with NaN, which means no reading."""
+    """Replaces each value after the onset with NaN, which means no reading."""
 
     name = "Silence"
     effect = ENDS

@@ -1,4 +1,4 @@
-"""A filter that freezes a signal."""
+"""A signal that stays constant."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,12 +20,12 @@ class Stuck(Filter):
         onset: Array
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Held]:
-        """Return a memory that holds no value yet."""
+        """Return the onsets and an empty memory."""
         return self.Parameters(onset), hold_nothing(channels)
 
     @staticmethod
     def rule(parameters: Parameters, memory: Held, values: Array, time: float) -> None:
-        """Remember the value at the onset, then repeat it."""
+        """Store the first value after the onset, then repeat it."""
         for i in range(len(values)):
             if time >= parameters.onset[i]:
                 if memory.counter[i] == 0.0:

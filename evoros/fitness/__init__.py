@@ -1,1 +1,1 @@
-"""Fitness functions, which score a design by the outcomes of its missions."""
+"""Fitness functions, which score designs by the outcomes of missions."""

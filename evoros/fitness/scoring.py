@@ -1,4 +1,4 @@
-"""Scoring of a design's mission outcomes."""
+"""Scores of designs from mission outcomes."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,7 @@ class Scoring:
     """Scores trials by the mean fitness of the ``scored`` robots."""
 
     fitness: Fitness
-    scored: tuple[int, ...] = (0,)  # indices of the robots in a scenario
+    scored: tuple[int, ...] = (0,)  # indices of robots in a scenario
 
     @property
     def name(self) -> FitnessName:
@@ -46,12 +46,12 @@ class Scoring:
         return float(low), float(high)
 
     def score_trial(self, trial: Sequence[Outcomes]) -> float:
-        """Return the score of a trial, or the worst score if a mission could not be run."""
+        """Return the score of a trial, or the worst score if a mission could not run."""
         complete = _is_complete(trial)
         return self._average(self.fitness.score if complete else self.fitness.worst, trial)
 
     def worst(self, trial: Sequence[Outcomes]) -> float:
-        """Return the score of a trial of this design if a mission could not be run."""
+        """Return the worst score of a trial, for missions that could not run."""
         return self._average(self.fitness.worst, trial)
 
     def _average(
@@ -61,7 +61,7 @@ class Scoring:
         return fmean(ask(FITNESS, score, SCORE, outcomes) for outcomes in robots)
 
     def score_missions(self, trial: Sequence[Outcomes]) -> list[float]:
-        """Return a score per mission with the trial's score as mean, or only the trial's score."""
+        """Return a score per mission, with the trial's score as mean, or only the trial's score."""
         fitness = self.fitness
         if not isinstance(fitness, AdditiveFitness):
             return [self.score_trial(trial)]
@@ -78,17 +78,17 @@ class Scoring:
     def score_trials(
         self, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
     ) -> list[float]:
-        """Return the score of each trial over its worlds, in the order of the missions."""
+        """Return the score of each trial, in the order of the missions."""
         return [float(self.score_trial(trial)) for trial in list_trials(missions, outcomes)]
 
     def compute_fitness(
         self, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
     ) -> float:
-        """Return the fitness of a design from the scores of its trials."""
+        """Return the fitness of a design from its missions."""
         return self.combine(self.score_trials(missions, outcomes))
 
     def name_columns(self, worlds: Sequence[str]) -> list[str]:
-        """Return the names of the columns that ``summarize`` returns."""
+        """Return the names of the columns in ``summarize``."""
         other = [] if self.combine is mean else [FITNESS]
         of_world = ("completed", "progress")
         by_world = [f"{world}_{measure}" for world in worlds for measure in of_world]
@@ -97,9 +97,10 @@ class Scoring:
     def summarize(
         self, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
     ) -> dict[str, float]:
-        """Summarize a design's missions as the fitness over trials and the success in each world.
+        """Summarize a design's missions: the fitness over trials, and the results in each world.
 
-        The sample standard deviation is NaN for one trial. Worlds have completion and progress.
+        The sample standard deviation of one trial is NaN. For each world, there are the completion
+        rate and the mean progress.
         """
         scores = self.score_trials(missions, outcomes)
         by_world: dict[str, list[Outcome]] = {}
@@ -124,7 +125,7 @@ def _is_complete(trial: Sequence[Outcomes]) -> bool:
 def list_trials(
     missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcomes]
 ) -> list[list[Outcomes]]:
-    """Return the outcomes of each trial, in the order of the missions."""
+    """Return the outcomes by trial, in the order of the missions."""
     trials: dict[int, list[Outcomes]] = {}
     for mission in missions:
         trials.setdefault(mission.trial, []).append(outcomes[mission.key])

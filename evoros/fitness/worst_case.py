@@ -1,4 +1,4 @@
-"""Worst-case fitness: the mean of a design's lowest trial scores."""
+"""Worst-case fitness: the mean of a design's lowest scores."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,17 +22,17 @@ RESAMPLES = 10_000
 @dataclass(frozen=True)
 @checked
 class WorstCase(CombiningFitness):
-    """Averages the lowest ``share`` of a design's trials, each scored by ``of``.
+    """The mean over the lowest ``share`` of a design's trials, each scored by ``of``.
 
-    With random failures, the average estimates the conditional value at risk; with a systematic
-    failure model and one trial per case, it is the mean over the worst cases. A few trials seldom
-    include the worst draws, so the estimate is biased upward (normal scores, a quarter: 0.24
-    standard deviations with 4 trials, 0.14 with 8). ``combine`` therefore compares designs at the
-    smallest number of trials.
+    With random failures, this estimates the conditional value at risk; with a systematic failure
+    model and one trial per case, it is the mean over the worst cases. A few trials seldom include
+    the worst draws, so the estimate is too high (for normal scores and a share of 1/4, by 0.24
+    standard deviations with 4 trials, and by 0.14 with 8). ``combine`` therefore compares designs
+    at equal numbers of trials.
     """
 
     of: Annotated[Fitness, A_FITNESS]
-    share: Annotated[float, FRACTION] = 0.25  # fraction of the trials; at least one trial
+    share: Annotated[float, FRACTION] = 0.25  # share of the trials; at least one trial
 
     @property
     def title(self) -> str:
@@ -56,19 +56,19 @@ class WorstCase(CombiningFitness):
         return mean_lowest(scores, self.share, trials)
 
     def bound_combined(self, scores: Sequence[float], limits: Bounds, confidence: float) -> Bounds:
-        """Return an interval for the conditional value at risk; see ``bound_lowest``."""
+        """Return an interval of the conditional value at risk; see ``bound_lowest``."""
         return bound_lowest(scores, self.share, limits, confidence)
 
 
 def bound_lowest(
     scores: Sequence[float], share: float, limits: Bounds, confidence: float
 ) -> Bounds:
-    """Return an interval for the mean of the lowest share of a distribution within ``limits``.
+    """Return an interval of the mean of the lowest share of a distribution within ``limits``.
 
-    Like ``certificate.rates``, the function adds the minimum score for the lower end and the
-    maximum score for the upper end, and weights all scores randomly, to allow for failures that did
-    not occur. For a share of 1 and scores equal to either limit, the result is the Clopper-Pearson
-    interval. Otherwise the coverage is conjectured, and ``benchmarks/coverage`` tests it.
+    As in ``certificate.rates``, the minimum score is added for the lower end, the maximum score for
+    the upper end, and all scores have random weights, to allow for failures that did not occur. For
+    a share of 1 and scores at the limits, the interval is that by Clopper and Pearson. Otherwise,
+    the coverage is conjectured, and ``benchmarks/coverage`` tests it.
     """
     ordered, error = np.sort(np.asarray(scores, dtype=np.float64)), 1 - confidence
     count = len(ordered)
@@ -82,6 +82,6 @@ def bound_lowest(
 
 
 def _weigh_lowest(ordered: Array, weights: Array, share: float) -> Array:
-    """Return the mean of the lowest share of ascending values, for each row of weights."""
+    """Return the mean of the lowest share of sorted values for each row of weights."""
     before = np.cumsum(weights, axis=1) - weights
     return np.asarray((np.clip(share - before, 0.0, weights) * ordered).sum(axis=1) / share)

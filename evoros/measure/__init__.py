@@ -1,1 +1,1 @@
-"""Measures of designs, which serve as objectives and descriptors."""
+"""Measures of designs, used as objectives and descriptors."""

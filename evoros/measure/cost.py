@@ -14,7 +14,7 @@ from evoros.sensor.protocol import add_prices
 @dataclass(frozen=True)
 @checked
 class Cost(Measure):
-    """The sum of the prices of all sensors."""
+    """The total price of all sensors."""
 
     title = "price of the sensors"
     of_design = True

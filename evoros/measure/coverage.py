@@ -1,4 +1,4 @@
-"""The fraction of bearings that sensors see, all around or in a sector."""
+"""The fraction of bearings that the sensors see, all around or in a sector."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ class Coverage(Measure):
     of_design = True
     bearing_deg: Annotated[float, BEARING] = 0.0  # middle of the sector, positive to the left
     width_deg: Annotated[float, SECTOR] = 360.0
-    both_sides: Annotated[bool, FLAG] = False  # True: also the mirror image of the sector
-    distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
-    # name of a robot with a separate design; empty: the first robot
+    both_sides: Annotated[bool, FLAG] = False  # True: adds the mirror image of the sector
+    distance_m: Annotated[float, POSITIVE] = 2.0  # distance from the middle of the robot
+    # name of a robot with its own design; empty: the first robot
     robot: Annotated[str, A_NAME] = ""
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE

@@ -11,7 +11,7 @@ from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Meas
 @dataclass(frozen=True)
 @checked
 class FitnessMeasure(Measure):
-    """The fitness of the design, by default the mean over its trials."""
+    """The fitness of the design, by default the mean score of its trials."""
 
     title = "fitness"
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 24.0)

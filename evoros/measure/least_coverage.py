@@ -1,4 +1,4 @@
-"""The coverage that remains after the worst failure of a few sensors."""
+"""The coverage after the worst failure of a few sensors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,13 +17,13 @@ from evoros.robot.seen import COUNT, find_seen
 @dataclass(frozen=True)
 @checked
 class LeastCoverage(Measure):
-    """The minimum fraction of all bearings seen after any ``failed`` sensors fail."""
+    """The minimum fraction of all bearings that is seen after any ``failed`` sensors fail."""
 
     title = "share of bearings seen after the worst failure"
     of_design = True
     failed: Annotated[int, replace(A_COUNT, limit=3)] = 1
-    distance_m: Annotated[float, POSITIVE] = 2.0  # measured from the middle of the robot
-    # name of a robot with a separate design; empty: the first robot
+    distance_m: Annotated[float, POSITIVE] = 2.0  # distance from the middle of the robot
+    # name of a robot with its own design; empty: the first robot
     robot: Annotated[str, A_NAME] = ""
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE

@@ -12,7 +12,7 @@ from evoros.measure.protocol import BOUNDS, DIRECTION, MINIMIZE, Evaluated, Meas
 @dataclass(frozen=True)
 @checked
 class Mass(Measure):
-    """The mass [kg] of all sensors."""
+    """The total mass [kg] of all sensors."""
 
     title = "mass of the sensors"
     unit = "kg"

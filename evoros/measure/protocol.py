@@ -1,4 +1,4 @@
-"""The base class of measures, and the results that they use."""
+"""The base class of measures, and the data from which measures are computed."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ from evoros.mission.mission import Outcomes
 from evoros.robot.model import Robot
 
 OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
-"""Keys of an experiment's measures, and prefixes of their table columns."""
+"""Configuration keys of measures, and prefixes of their columns in tables."""
 MAXIMIZE, MINIMIZE = "maximize", "minimize"
 DIRECTION = one_of(MAXIMIZE, MINIMIZE)
 BOUNDS = Rule(
@@ -28,14 +28,14 @@ class Evaluated:
 
     design: Design
     robots: Mapping[str, Robot]
-    """Robots with separate designs, equipped and keyed by name; "" is the first robot."""
-    trials: Sequence[Sequence[Outcomes]]  # outcomes of the robots in each world, trial by trial
+    """The equipped robots with their own designs by name; "" is the first robot."""
+    trials: Sequence[Sequence[Outcomes]]  # outcomes in each world, trial by trial
     fitness: float
     # scores a trial with the experiment's fitness function
     score: Callable[[Sequence[Outcomes]], float]
 
     def robot(self, name: str) -> Robot:
-        """Return a robot by name; raise an InputError if there is no such robot."""
+        """Return a robot by name; raise an InputError if the name is unknown."""
         if name not in self.robots:
             known = ", ".join(map(repr, self.robots))
             raise InputError(
@@ -45,16 +45,16 @@ class Evaluated:
 
 
 class Measure(ABC):
-    """A number that describes a design, as an objective or a descriptor."""
+    """A number that describes a design; an objective or a descriptor."""
 
-    title: str  # measure's name on the axes of figures
-    unit: str = ""  # measure's unit; empty if dimensionless
+    title: str  # name in figures
+    unit: str = ""  # unit in figures; empty if dimensionless
     bounds: Sequence[float]
-    """The minimum and maximum that an archive distinguishes; designs may lie outside."""
+    """The range that an archive divides into cells; values may be outside."""
     direction: str = MAXIMIZE
-    """The direction of optimization of an objective, ``maximize`` or ``minimize``."""
+    """The direction of optimization for an objective, ``maximize`` or ``minimize``."""
     of_design: bool = False
-    """True if the measure depends only on the design, so it can be checked before a run."""
+    """True if the measure depends on the design alone, and can be checked before a run."""
 
     @abstractmethod
     def compute(self, evaluated: Evaluated) -> float:

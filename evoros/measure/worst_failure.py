@@ -1,4 +1,4 @@
-"""The score if the worst failures that a design has met coincided in all worlds."""
+"""The score if a design's worst failures coincided in all worlds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ SHARE = 0.25
 @dataclass(frozen=True)
 @checked
 class WorstFailure(Measure):
-    """The mean score of the lowest quarter of trials, if the bad draws of all worlds coincide.
+    """The mean score of the lowest quarter of trials if the worst draws of all worlds coincide.
 
-    Trial k is regrouped from the kth-worst mission of each world. With more trials, this falls much
-    less than the minimum would; with one trial it is the fitness.
+    Trial k is composed of the kth-worst mission in each world. With more trials, this decreases
+    much less than the minimum; with one trial it equals the fitness.
     """
 
     title = "score under the worst failures, mean of the lowest 25 %"

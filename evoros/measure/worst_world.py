@@ -12,7 +12,7 @@ from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated, Meas
 @dataclass(frozen=True)
 @checked
 class WorstWorld(Measure):
-    """The minimum over worlds of the mean score of the design's missions."""
+    """The minimum over the worlds of the mean mission score."""
 
     title = "score in the worst world"
     bounds: Annotated[Sequence[float], BOUNDS] = (1.0, 8.0)

@@ -1,1 +1,1 @@
-"""Observers, which send records of runs to experiment trackers."""
+"""Observers, which send the records of runs to experiment trackers."""

@@ -1,4 +1,4 @@
-"""The base class of observers, and the frozen records that they receive."""
+"""The base class of observers, and the records that observers receive."""
 
 import hashlib
 from abc import ABC, abstractmethod
@@ -12,9 +12,9 @@ from typing import TypeAlias
 from evoros.base.checks import mapping_of
 
 FREE = ("executor", "observers", "controls", "stop_after")
-"""Configuration keys that change only the number of rows. An evaluation has only the first."""
+"""Configuration keys that do not affect results, only the number of rows (except the first)."""
 Value: TypeAlias = str | int | float | bool | None
-"""A configuration value; lists are strings, and environment references stay unresolved."""
+"""A configuration value; lists are strings, and references to the environment are unresolved."""
 
 
 @dataclass(frozen=True)
@@ -28,16 +28,16 @@ class ObservedGeneration:
 
 @dataclass(frozen=True)
 class ObservedEnd:
-    """The latest end of a run, which may yet be resumed or extended."""
+    """The latest end of a run that may be resumed or extended."""
 
     state: str  # finished, stopped or killed
-    metrics: Mapping[str, float]  # metrics of the champion on fresh draws, as ``champion.NAME``
+    metrics: Mapping[str, float]  # champion's metrics on fresh draws, as ``champion.NAME``
     files: Mapping[str, bytes]  # champion and figure files by path in the run folder
     time_s: float
 
     @cached_property
     def digest(self) -> str:
-        """A digest of the state, the metrics and the files that reveals changes."""
+        """A digest of state, metrics and files, which differs after changes."""
         content = hashlib.sha256(repr((self.state, sorted(self.metrics.items()))).encode())
         for name, data in sorted(self.files.items()):
             content.update(f"{name}\0{len(data)}\0".encode() + data)
@@ -50,11 +50,11 @@ class ObservedRun:
 
     id: str  # 32 hexadecimal digits, independent of the folder
     name: str  # folder name
-    sweep: str | None  # absolute path of the sweep folder when it was made
-    parameters: Mapping[str, Value]  # the configuration by dotted key
-    origin: Path  # base folder of a tracker's relative paths
+    sweep: str | None  # absolute path of the original sweep folder
+    parameters: Mapping[str, Value]  # configuration values by dotted key
+    origin: Path  # base folder of relative tracker paths
     started_s: float  # Unix time
-    generations: Sequence[ObservedGeneration]  # all generations, starting at 0
+    generations: Sequence[ObservedGeneration]  # all generations, starting with 0
     end: ObservedEnd | None  # None while the run continues
 
     @property
@@ -64,20 +64,20 @@ class ObservedRun:
 
 
 Send: TypeAlias = Callable[[ObservedRun], None]
-"""Sends new records to the tracker; called again after each new record."""
+"""Sends new records to the tracker; called after each new record."""
 
 
 class Observer(ABC):
-    """Sends runs to a tracker. An observer affects no result, and its errors stop no run."""
+    """Sends runs to a tracker. Observers affect no results, and their errors stop no runs."""
 
     def check(self) -> None:  # noqa: B027 - an observer may need nothing
-        """Check local requirements, such as a package; raise an InputError if one is missing."""
+        """Check local requirements, such as a package; raise an InputError if one is not met."""
 
     @abstractmethod
     def open(self, run: ObservedRun) -> AbstractContextManager[Send]:
-        """Connect to the tracker for a run that may already have been sent in part or in full.
+        """Connect to the tracker for a run, which may already have been sent in part or in full.
 
-        The tracker recognises the run by its ``id``. Leaving the context ends the connection.
+        Trackers recognise the run by its ``id``. The connection is closed when the context exits.
         """
 
 

@@ -1,4 +1,4 @@
-"""Drives a robot in an engine on empty level ground, and compares the motion with the command."""
+"""Drives a robot in an engine on empty level ground and compares the motion with the commands."""
 
 import math
 from collections.abc import Mapping
@@ -19,14 +19,14 @@ from evoros.world.model import World
 
 REST_S, PIECE_S, RUN_UP_PIECES = 1.0, 0.25, 12
 DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
-SETTLED = 0.02  # maximum change of speed within a piece of the run-up, relative to the command
-ARM_M = 0.1  # distance between the sensors that measure the robot's height and tilt
-STILL_RAD = 1e-4  # half the turned angle below which a robot counts as not turning
-READABLE_M = 0.5  # maximum error of the rays that measure the ground
+SETTLED = 0.02  # maximum relative change of speed between consecutive pieces of a settled run-up
+ARM_M = 0.1  # [m], distance between the sensors that measure the robot's height and tilt
+STILL_RAD = 1e-4  # half of the maximum turned angle of a robot that drives straight
+READABLE_M = 0.5  # [m], maximum error of the rays that measure the ground
 
 
 class Manoeuvre(NamedTuple):
-    """A steady command, as fractions of the speed and of full lock."""
+    """A constant command: fractions of the maximum speed and of the maximum steering angle."""
 
     name: str
     speed: float
@@ -43,45 +43,45 @@ MANOEUVRES = (STRAIGHT, BACK, *TURNS)
 
 
 class Rest(NamedTuple):
-    """The motion and posture of a robot that is commanded to stand still."""
+    """The motion and posture of a robot after a command to stand still."""
 
     drift_mps: float
-    sunk_m: float  # depth below the height given in the description; 0 if unknown
+    sunk_m: float  # depth below the described height; 0 if unknown
     tilt_deg: float
 
 
 class TrialDrive(NamedTuple):
-    """The motion of a robot in an engine, compared with the commands."""
+    """The measured motion of a robot in an engine, relative to the commands."""
 
     rest: Rest
     shares: Mapping[Manoeuvre, float]
-    """The speed, or the yaw rate in a turn, divided by its commanded value."""
+    """The measured speed, or yaw rate in turns, divided by the commanded value."""
 
 
 PLUMB = Lidar(
     beams=1, range_min_m=0.0, range_max_m=10.0, size_m=(1e-3, 1e-3, 1e-3), mass_kg=1e-6, price=0.0
 )
-"""A downward sensor that measures its height above the ground."""
+"""A downward range sensor that measures its height above the ground."""
 
 
 class Trial:
     """A robot on level ground in an engine; methods raise SimulationError if it is rejected."""
 
     def __init__(self, simulator: Simulator, robot: Robot, world: World, speed: float) -> None:
-        """``speed`` is in [m/s]."""
+        """Create the trial of a robot whose maximum speed is ``speed`` [m/s]."""
         places = ((0.0, 0.0), (ARM_M, 0.0), (0.0, ARM_M))
         height = robot.mount_z_m
         mounts = [Mount("plumb", robot.mount_link, x, y, height, 0.0, -90.0) for x, y in places]
-        transparent = replace(robot, occluders=Occluders())  # plumb sensors see through this robot
+        transparent = replace(robot, occluders=Occluders())  # the plumb sensors see through it
         self._robot = transparent.with_sensors(mounts, {"plumb": PLUMB})
         self._simulator, self._world, self._speed = simulator, world, speed
 
     def run(self) -> TrialDrive:
-        """Measure the robot at rest, then during each manoeuvre."""
+        """Measure the robot at rest, then in each manoeuvre."""
         return TrialDrive(self.stand(), {move: self.drive(move) for move in MANOEUVRES})
 
     def stand(self) -> Rest:
-        """Let the robot settle while commanded to stand still, and measure it."""
+        """Command the robot to stand still until it settles, then measure it."""
         with open_alone(self._simulator.open, self._robot, self._world) as simulation:
             driver = _Driver(simulation, self._simulator.time_step)
             driver.advance(0.0, 0.0, 0.5 * REST_S)
@@ -89,10 +89,10 @@ class Trial:
             return Rest(abs(drift), *_measure_posture(simulation, self._robot))
 
     def drive(self, manoeuvre: Manoeuvre) -> float:
-        """Drive a manoeuvre; return the speed, or the yaw rate, as a fraction of the command.
+        """Drive a manoeuvre; return the measured speed or yaw rate, relative to the command.
 
-        If the wheels slip in turns, the robot turns by at least 90 deg, but for at most
-        ``MAX_DRIVE_S``, because an engine's friction may depend on the heading.
+        A robot whose wheels slip turns by at least 90 deg (but for at most ``MAX_DRIVE_S``),
+        because the friction of an engine may depend on the heading.
         """
         drive = self._robot.drive
         steering = manoeuvre.lock * drive.steering_limit
@@ -113,7 +113,7 @@ def _limit_speed(drive: Drive, curvature: float) -> float:
 
 
 def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
-    """Return the x [m] of the point that moves along the heading in a turn; NaN without a turn."""
+    """Return the x [m] of the point that moves along the heading in turns; NaN if none is found."""
     lock, drive = robot.drive.steering_limit, robot.drive
     speed = min(speed, _limit_speed(drive, elementary.tan(lock) / drive.wheelbase_m))
     with open_alone(simulator.open, robot, world) as simulation:
@@ -123,7 +123,7 @@ def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: 
 
 
 def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float]:
-    """Return how far the robot has sunk [m] and its tilt [deg]; zeros if its rays see no ground."""
+    """Return how far the robot sank [m], and its tilt [deg]; zeros without ground readings."""
     readings = np.zeros(robot.beam_count)
     simulation.sense(readings)
     errors = readings - robot.sensor_poses[:, 2]
@@ -139,7 +139,7 @@ class _Driver:
         self._command = np.zeros(COMMAND_SIZE)
 
     def advance(self, speed: float, steering: float, duration: float) -> tuple[float, float]:
-        """Drive for a duration [s]; return the mean speed (negative backwards) and yaw rate."""
+        """Drive for ``duration`` [s]; return the mean speed (negative backwards) and yaw rate."""
         self._command[[DRIVE_SPEED, STEERING]] = speed, steering
         duration = max(1, round(duration / self._step)) * self._step
         before = self._observe()
@@ -155,7 +155,7 @@ class _Driver:
         return math.copysign(math.hypot(x, y), ahead) / duration, turn / duration
 
     def measure(self, speed: float, steering: float, duration: float) -> tuple[float, float]:
-        """Return the mean speed and yaw rate after a run-up that settles servos and motors."""
+        """Return the mean speed and yaw rate after a run-up in which the motors settle."""
         before = math.inf
         for _ in range(RUN_UP_PIECES):
             now, _ = self.advance(speed, steering, PIECE_S)
@@ -168,7 +168,7 @@ class _Driver:
         return math.fsum(speeds) / count, math.fsum(rates) / count
 
     def locate(self, speed: float, steering: float) -> float:
-        """Return the x [m] of the point that moves along the mean heading."""
+        """Return the x [m] of the point that moves along the mean heading during a piece."""
         before = self._observe()
         self.advance(speed, steering, PIECE_S)
         after = self._observe()
@@ -187,30 +187,30 @@ class _Driver:
         return state
 
 
-TOLERANCE = 0.05  # relative to the commanded motion
-SKIDDING_TOLERANCE = 0.1  # wider if wheels slip: the model assumes equal loads and points
+TOLERANCE = 0.05  # maximum relative deviation from the commanded motion
+SKIDDING_TOLERANCE = 0.1  # if wheels slip, because the model assumes equal loads and point contacts
 MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
-ALIKE = 0.05  # maximum difference between deviations that are reported together
+ALIKE = 0.05  # maximum difference between deviations that share a message
 
 
 class Setting(NamedTuple):
-    """A robot on empty ground, and the speed [m/s] at which it drives straight ahead."""
+    """A robot on empty ground, and its maximum speed [m/s] straight ahead."""
 
     robot: Robot
     world: World
     speed: float
 
     def in_engine(self, simulator: Simulator) -> Trial:
-        """Return the trial drive in a given engine."""
+        """Return the trial of the robot in an engine."""
         return Trial(simulator, *self)
 
     def with_drive(self, **changes: float) -> "Setting":
-        """Return the setting with another drive of the robot."""
+        """Return the setting with changed fields of the robot's drive."""
         drive: Any = replace(self.robot.drive, **changes)  # type: ignore[type-var]
         return self._replace(robot=replace(self.robot, drive=drive))
 
     def describe(self, trial: TrialDrive) -> str:
-        """Describe the faults of the motion; empty if there are none."""
+        """Describe the faults of a measured motion; empty without faults."""
         if not all(map(math.isfinite, (*trial.rest, *trial.shares.values()))):
             return "has a pose that is not a number"
         faults = _describe_rest(trial.rest, self.speed)
@@ -218,7 +218,7 @@ class Setting(NamedTuple):
 
 
 def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> bool:
-    """Return True if a robot performs all manoeuvres as commanded; the worst is tried first."""
+    """Return True if the robot performs all manoeuvres as commanded, starting with the worst."""
     trial = setting.in_engine(simulator)
     worst_first = sorted(MANOEUVRES, key=lambda move: -abs(before.shares[move] - 1.0))
     return not _describe_rest(trial.stand(), setting.speed) and not any(

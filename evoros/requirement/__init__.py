@@ -1,1 +1,1 @@
-"""Requirements on designs, and the statistical tests that decide them."""
+"""Requirements on designs, and statistical tests of them."""

@@ -1,11 +1,11 @@
-"""Sequential betting tests of whether the mean of bounded values exceeds a limit.
+"""Sequential betting tests of the hypothesis that the mean of bounded values exceeds a limit.
 
 A gambler bets that the next value exceeds the limit, at odds that are fair if the mean equals the
 limit. If the mean is at most the limit, the probability that the capital ever reaches 1 / (1 -
-confidence) is at most 1 - confidence (Ville's inequality). The test may therefore stop after any
+confidence) is at most 1 - confidence (Ville's inequality). The test can therefore stop after any
 value. Source: Waudby-Smith and Ramdas, Estimating means of bounded random variables by betting,
 Journal of the Royal Statistical Society B 86, 2024, equation 20 and proposition 2. Here, the
-capital is divided among constant bets, which suit means at different distances from the limit.
+capital is divided among constant bets, suitable for means at different distances from the limit.
 """
 
 import math
@@ -18,16 +18,16 @@ from evoros.base.elementary import exp, log1p
 from evoros.certificate.rates import share_level
 from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED
 
-DIGITS = 6  # decimals of bounds, so that all processors agree
+DIGITS = 6  # decimal places of bounds, equal on all processors
 BETS = ((1.0, 0.3), (0.9, 0.15), (0.7, 0.15), (0.5, 0.15), (0.3, 0.1), (0.15, 0.1), (0.05, 0.05))
-"""Bets as fractions of the largest affordable bet, and the fraction of the capital for each."""
-MOST_FURTHER = 1_000_000  # larger estimates become infinite
+"""Bets relative to the maximum affordable bet, and the share of the capital for each bet."""
+MOST_FURTHER = 1_000_000  # estimates above this become infinite
 _HALVINGS = 30
 
 
 def count_to_proof(values: Array, limit: float, confidence: float) -> int:
-    """Return the number of ``values`` (n,) in [0, 1] that prove a mean above the limit; or 0."""
-    with np.errstate(all="ignore"):  # infinite capital also proves the claim
+    """Return the number of values (n,) in [0, 1] that prove a mean above the limit, or 0."""
+    with np.errstate(all="ignore"):  # infinite capital is also a proof
         capital = sum(
             part * np.multiply.accumulate(1 + share * (values / limit - 1)) for share, part in BETS
         )
@@ -38,8 +38,8 @@ def count_to_proof(values: Array, limit: float, confidence: float) -> int:
 def decide(values: Array, limit: float, confidence: float, tests: int = 1) -> tuple[str, int]:
     """Return the result for a limit on the mean, and the number of values that decide it.
 
-    The result is MET, VIOLATED or UNDECIDED. Several ``tests`` share the error rate of a violation,
-    but need no correction to be met together (intersection-union test).
+    The result is MET, VIOLATED or UNDECIDED. ``tests`` share the error rate of violations; no
+    correction is needed for all of them to be met (intersection-union test).
     """
     proofs = {
         MET: count_to_proof(values, limit, confidence),
@@ -51,7 +51,7 @@ def decide(values: Array, limit: float, confidence: float, tests: int = 1) -> tu
 
 
 def estimate_further(values: Array, limit: float, confidence: float) -> float:
-    """Estimate the number of further such values to prove a mean above the limit, or infinity."""
+    """Estimate the number of further such values that prove a mean above the limit, or infinity."""
     kinds, counts = np.unique(values, return_counts=True)
     gains = [
         math.fsum(
@@ -73,13 +73,13 @@ def estimate_further(values: Array, limit: float, confidence: float) -> float:
 
 
 def bound(values: Array, confidence: float, tests: int = 1) -> tuple[float, float]:
-    """Return lower and upper bounds on the mean; all ``tests`` share the upper bound's error."""
+    """Return the lower and upper bound of the mean; ``tests`` share the upper bound's error."""
     above = bound_from_below(1 - values, share_level(confidence, tests))
     return bound_from_below(values, confidence), 1 - above
 
 
 def bound_from_below(values: Array, confidence: float) -> float:
-    """Return the largest limit that the mean provably exceeds; at least 0."""
+    """Return the maximum limit that the mean provably exceeds, or 0."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2

@@ -1,4 +1,4 @@
-"""Claims about a design's missions under some condition, decided by sequential testing."""
+"""Claims about a design's missions under a condition, decided by sequential tests."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +29,7 @@ from evoros.requirement.verdict import (
 
 FAILED_SENSOR, WORLD = "failed_sensor", "world"
 PARTS = ("failure", "walkers", "simulator", "controller")  # replaceable
-COMPLETION_TIME = "completion_time_s"  # infinite for missions that are not completed
+COMPLETION_TIME = "completion_time_s"  # infinite for incomplete missions
 COLUMNS = (
     *(one.name for one in fields(Outcome) if one.type in (bool, int, float)),
     COMPLETION_TIME,
@@ -39,29 +39,29 @@ _NATURAL = dict.fromkeys(("completed", "progress", "avoiding"), (0.0, 1.0))  # n
 
 @dataclass(frozen=True)
 class Condition:
-    """A given case of failed sensors, or a part that replaces one of the experiment's parts."""
+    """A given case of failed sensors, or a replacement for a part of the experiment."""
 
-    case: Case | None = None  # failures that replace all others
+    case: Case | None = None  # failures instead of all others
     factor: str = ""  # one of PARTS
-    name: str = ""  # name of the replacing part
+    name: str = ""  # name of the replacement
     part: Any = field(default=None, compare=False, repr=False)
 
     @property
     def text(self) -> str:
-        """The value in the column ``case`` of the missions; empty for ``OWN``."""
+        """The value in the column ``case`` of missions; empty for ``OWN``."""
         if self.case is not None:
             return self.case.text
         return f"{self.factor}={self.name}" if self.factor else ""
 
 
-OWN = Condition()  # conditions of the evaluation itself
+OWN = Condition()  # the evaluation's conditions, unchanged
 
 
 def _read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> float:
-    """Return a quantity of a mission; NaN if the mission could not be run.
+    """Return a quantity of a mission; NaN if the mission could not run.
 
-    ``column`` is one of ``COLUMNS``, with an agent's name and a dot in front for that agent's
-    value. The time of an event that never happened, such as a first collision, is infinite.
+    ``column`` is one of ``COLUMNS``; the prefix ``AGENT.`` selects the value of another robot. The
+    time of an event that did not happen, such as a first collision, is infinite.
     """
     name, _, of_robot = column.rpartition(".")
     outcome = outcomes[1 + agents.index(name) if name else 0]
@@ -74,7 +74,7 @@ def _read_quantity(outcomes: Outcomes, column: str, agents: Sequence[str]) -> fl
 
 
 def require_column(key: str, column: str, agents: Sequence[str]) -> None:
-    """Require that missions have a given column."""
+    """Require that missions have a column."""
     name, _, of_robot = column.rpartition(".")
     if (name and name not in agents) or of_robot not in COLUMNS:
         known = ", ".join(COLUMNS) + (f"; of agents {', '.join(agents)}.COLUMN" if agents else "")
@@ -106,18 +106,18 @@ def _states_levels(each: Mapping[str, Any]) -> bool:
 
 
 Trials = Mapping[int, Trial]  # trials by number
-Measured = Callable[[Measure, Trial], float]  # computes a measure of one trial
+Measured = Callable[[Measure, Trial], float]  # computes a measure of a trial
 
 
 @dataclass(frozen=True)
 @checked
 class Claim:
-    """A limit on the mean of a quantity over trials, or on its value in a share of the missions.
+    """A limit on the mean of a quantity, or on its value in a share of the missions.
 
-    With ``share``, the limit must hold in at least this share of the missions, which constrains a
-    quantile of the quantity. Otherwise, the limit constrains the mean of the quantity, clipped to
-    the bounds ``within``. A mission that could not be run counts with the worst value. With
-    ``each``, the limit must hold at every level of a factor.
+    With ``share``, the limit must hold in at least this share of the missions (a quantile).
+    Otherwise, the limit applies to the mean of the quantity over trials, clipped to the bounds
+    ``within``. A mission that could not run has the worst value. With ``each``, the limit must hold
+    at each level of a factor.
     """
 
     of: Annotated[str | Measure, QUANTITY]
@@ -125,7 +125,7 @@ class Claim:
     at_most: Annotated[float | None, NUMBER] = None
     share: Annotated[float | None, SHARE] = None
     within: Annotated[Sequence[float] | None, BOUNDS] = None
-    world: Annotated[str | None, NAME] = None  # null: the missions of all worlds
+    world: Annotated[str | None, NAME] = None  # null: missions in all worlds
     each: Annotated[str | Mapping[str, Any] | None, EACH] = None  # a factor, or {factor: levels}
     confidence: Annotated[float, CONFIDENCE] = 0.95
 
@@ -157,7 +157,7 @@ class Claim:
 
     @property
     def bounds(self) -> Sequence[float] | None:
-        """The bounds of the quantity for a mean; None if unknown."""
+        """The bounds of a quantity whose mean is limited; None if unknown."""
         if self.within is not None:
             return self.within
         return (
@@ -166,12 +166,12 @@ class Claim:
 
     @property
     def factor(self) -> str:
-        """The factor of ``each``; empty if there is none."""
+        """The factor of ``each``; empty without a factor."""
         return next(iter(self.each)) if isinstance(self.each, Mapping) else self.each or ""
 
     @property
     def values(self) -> Any:
-        """The configured levels of the factor; None for all."""
+        """The configured levels of the factor; None for all levels."""
         return self.each[self.factor] if isinstance(self.each, Mapping) else None
 
     @property
@@ -180,7 +180,7 @@ class Claim:
 
     @property
     def text(self) -> str:
-        """A description of the requirement."""
+        """The requirement in words."""
         relation = "at least" if self.at_most is None else "at most"
         where = "" if self.world is None else f" in {self.world}"
         every = f", with each {self.factor}" if self.factor else ""
@@ -196,27 +196,27 @@ class Claim:
 
     @property
     def unit(self) -> str:
-        """The unit: PERCENT for a share of missions or a quantity from 0 to 1; empty otherwise."""
+        """The unit: PERCENT for shares of missions and quantities from 0 to 1, otherwise empty."""
         natural = self.within is None and isinstance(self.of, str)
         return PERCENT if self.share is not None or natural else ""
 
     @property
     def fewest_trials(self) -> int:
-        """The minimum number of trials that can meet the claim, if all are perfect."""
+        """The minimum number of trials, all of them perfect, that meet the claim."""
         best = estimate_further(np.ones(1), self._required, self.confidence)
         return 1 + int(min(best, MOST))
 
     def decide(
         self, trials: Trials, agents: Sequence[str], measured: Measured, tests: int = 1
     ) -> str:
-        """Return the result of ``judge`` without the bounds, which take most of the time."""
+        """Return the result of ``judge`` without bounds, which take most of the time."""
         values = self._average(self._read_trials(trials, agents, measured))
         return decide(values, self._required, self.confidence, tests)[0]
 
     def judge(
         self, trials: Trials, agents: Sequence[str], measured: Measured, tests: int = 1
     ) -> Verdict:
-        """Decide the requirement by trials."""
+        """Decide the requirement from trials."""
         rows = self._read_trials(trials, agents, measured)
         values = self._average(rows)
         result, count = decide(values, self._required, self.confidence, tests)
@@ -235,7 +235,7 @@ class Claim:
         return self._foresee(verdict, values, tests) if result == UNDECIDED else verdict
 
     def _foresee(self, verdict: Verdict, values: Array, tests: int) -> Verdict:
-        """Add the probable result, and the number of further trials that would reach it."""
+        """Add the expected result, and the number of further trials expected to reach it."""
         violated = share_level(self.confidence, tests)
         further = {
             MET: estimate_further(values, self._required, self.confidence),
@@ -244,7 +244,7 @@ class Claim:
         tends = min(further, key=further.__getitem__)
         if not math.isfinite(further[tends]):
             return replace(verdict, further=math.inf)
-        step = 10 ** max(0, len(str(further[tends])) - 2)  # estimates have two digits at best
+        step = 10 ** max(0, len(str(further[tends])) - 2)  # estimates are rounded to two digits
         return replace(verdict, further=math.ceil(further[tends] / step) * step, tends=tends)
 
     def _read_trials(

@@ -1,4 +1,4 @@
-"""The named requirements of an evaluation, and the levels at which each must hold."""
+"""The named requirements of an evaluation, and the levels at which they must hold."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,22 +27,22 @@ from evoros.requirement.verdict import MET, UNDECIDED, VIOLATED, Verdict, conclu
 @dataclass(frozen=True)
 @checked
 class Survival:
-    """A minimum completion rate in each world after the failure of any set of ``survives`` sensors.
+    """A minimum completion rate in each world after failures of any ``survives`` sensors.
 
-    The completion rate must exceed ``stops_below`` in each world with all sensors intact and for
-    each set that fails at any of ``times_s``.
+    The completion rate must exceed ``stops_below`` in each world, both with all sensors intact and
+    after each set of sensors fails at any of ``times_s``.
     """
 
-    survives: Annotated[int, COUNT]  # maximum number of sensors that fail
-    stops_below: Annotated[float, SHARE] = 0.5  # completion rate in a world
-    # failure times of the sets
+    survives: Annotated[int, COUNT]  # maximum number of failed sensors
+    stops_below: Annotated[float, SHARE] = 0.5  # limit on completion rates
+    # failure times of each set
     times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)
-    max_cases: Annotated[int, COUNT] = 500  # maximum number of pairs of a set and a time
+    max_cases: Annotated[int, COUNT] = 500  # maximum number of pairs of set and failure time
     confidence: Annotated[float, CONFIDENCE] = 0.95
 
     @property
     def text(self) -> str:
-        """A description of the requirement."""
+        """The requirement in words."""
         sensors = "any 1 sensor" if self.survives == 1 else f"any {self.survives} or fewer sensors"
         *times, last = (f"{time:g}" for time in self.times_s)
         when = f"{', '.join(times)} or {last}" if times else last
@@ -58,11 +58,11 @@ class Survival:
 
     @property
     def fewest_trials(self) -> int:
-        """The minimum number of trials per case that can meet the requirement."""
+        """The minimum number of trials per case that meet the requirement."""
         return self.claim_for(None).fewest_trials
 
     def list_cases(self, sensors: int) -> Iterator[Case]:
-        """Yield the cases for a robot with this number of sensors, the intact case first."""
+        """Yield the cases for a number of sensors, starting with the intact case."""
         if self.survives > sensors:
             raise InputError(
                 f"survives: must be at most {sensors}, the number of sensors, not {self.survives}"
@@ -87,9 +87,9 @@ Requirement = Claim | Survival
 
 @dataclass(frozen=True)
 class Level:
-    """A claim about missions under one condition."""
+    """A claim about missions under a condition."""
 
-    text: str  # value of the column ``level``; empty for a claim without levels
+    text: str  # value in the column ``level``; empty for claims without levels
     condition: Condition
     claim: Claim
 
@@ -97,7 +97,7 @@ class Level:
 def list_levels(
     requirement: Requirement, worlds: Sequence[str], sensors: int | None = None
 ) -> list[Level]:
-    """List a requirement's levels; levels with failed sensors only if ``sensors`` is known."""
+    """List a requirement's levels; those with failed sensors require the number of ``sensors``."""
     if isinstance(requirement, Survival):
         return [
             Level(f"{case.text} in {world}", Condition(case), requirement.claim_for(world))
@@ -133,7 +133,7 @@ REQUIREMENTS = mapping_of(Requirement, "requirements (evoros.requirement.require
 
 
 def collect(**requirements: Mapping[str, Any]) -> dict[str, Requirement]:
-    """Create requirements from their fields, by name."""
+    """Create requirements by name from their fields."""
     made = {name: _make(name, fields) for name, fields in requirements.items()}
     claims = {name: claim for name, claim in made.items() if isinstance(claim, Claim)}
     for (first, one), (second, other) in combinations(claims.items(), 2):
@@ -171,7 +171,7 @@ def _make(name: str, fields: Any) -> Requirement:
 def check_requirements(
     requirements: Mapping[str, Requirement], worlds: Sequence[str], agents: Sequence[str]
 ) -> None:
-    """Check that missions have the columns, worlds and parts that the requirements name."""
+    """Check that the columns, worlds and parts named in requirements exist."""
     for name, claim in requirements.items():
         if isinstance(claim, Survival):
             continue
@@ -188,7 +188,7 @@ def check_requirements(
 
 
 def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condition]:
-    """Return the conditions that replace parts of the experiment by text; names must be unique."""
+    """Return, by text, the conditions that replace parts; names of parts must be unique."""
     conditions: dict[str, Condition] = {}
     for name, requirement in requirements.items():
         for level in list_levels(requirement, ()):
@@ -203,7 +203,7 @@ def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condit
 
 
 def need_conditions(requirement: Requirement) -> bool:
-    """Return True if a requirement needs missions under conditions other than ``OWN``."""
+    """Return True if a requirement needs missions under other conditions than ``OWN``."""
     return isinstance(requirement, Survival) or requirement.factor not in ("", WORLD)
 
 
@@ -219,24 +219,24 @@ def _contradict(one: Claim, other: Claim) -> bool:
     return False
 
 
-ROUND = 10  # number of trials between two judgements of undecided requirements
+ROUND = 10  # number of trials between tests of undecided requirements
 
 
 @dataclass(frozen=True)
 class Judged:
-    """The verdict on a requirement, and on each level if there are several."""
+    """The verdict on a requirement and, if there are several levels, on each level."""
 
     whole: Verdict
     levels: Mapping[str, Verdict] = field(default_factory=dict)
 
 
 class Assessment:
-    """Tracks the trials that a design's requirements still need, and judges the requirements.
+    """Tests a design's requirements, and requests the trials that this needs.
 
-    A decided level needs no further trials, and one violated level decides a survival requirement.
-    So the number of trials depends on the outcomes: ``trials`` is the maximum under each condition,
+    Decided levels need no further trials, and one violated level decides a survival requirement, so
+    the number of trials depends on the outcomes. ``trials`` is the maximum under each condition,
     and ``first`` the minimum under the evaluation's conditions. An InputError says that a
-    requirement has no levels for a robot with this number of ``sensors``.
+    requirement has no levels for the number of ``sensors``.
     """
 
     def __init__(
@@ -255,14 +255,14 @@ class Assessment:
         }
         self._results = {name: [UNDECIDED] * len(of) for name, of in self._levels.items()}
         self.wanted = {OWN: min(first, trials)}
-        """The number of trials requested so far under each condition."""
+        """The number of trials requested under each condition."""
         for level in (level for of in self._levels.values() for level in of):
             self.wanted.setdefault(level.condition, min(ROUND, trials))
         self.conditions = list(self.wanted)
         self.finished = False
 
     def list_worlds(self, condition: Condition) -> list[str]:
-        """List the worlds in which missions are needed under a condition."""
+        """List the worlds that need missions under a condition."""
         levels = [one for of in self._levels.values() for one in of if one.condition == condition]
         named = {level.claim.world for level in levels}
         everywhere = condition == OWN or None in named
@@ -271,7 +271,7 @@ class Assessment:
     def advance(
         self, known: Mapping[Condition, Trials], agents: Sequence[str], measured: Measured
     ) -> None:
-        """Judge the undecided levels on all trials so far, and request more trials where needed."""
+        """Test the undecided levels with all trials so far; request more trials where needed."""
         for name, levels in self._levels.items():
             results = self._results[name]
             for place in self._list_open(name):
@@ -295,14 +295,14 @@ class Assessment:
         return [place for place, result in enumerate(results) if result == UNDECIDED]
 
     def result(self, name: str) -> str:
-        """Return a requirement's result so far."""
+        """Return a requirement's current result."""
         results = self._results[name]
         return next((one for one in (VIOLATED, UNDECIDED) if one in results), MET)
 
     def judge(
         self, known: Mapping[Condition, Trials], agents: Sequence[str], measured: Measured
     ) -> dict[str, Judged]:
-        """Return the verdicts over all trials, by requirement."""
+        """Return the verdicts on all requirements by name."""
 
         def judge(level: Level, tests: int) -> Verdict:
             return level.claim.judge(known[level.condition], agents, measured, tests)

@@ -1,4 +1,4 @@
-"""Verdicts on requirements, and their wording."""
+"""Verdicts on requirements, and their text."""
 
 import math
 from collections.abc import Mapping
@@ -8,30 +8,30 @@ from evoros.base.errors import MAX_DIGITS, count_digits, write_count
 from evoros.mission.mission import Outcomes
 
 MET, VIOLATED, UNDECIDED = "met", "violated", "undecided"
-PERCENT = "%"  # unit in which shares are printed; in tables, shares are numbers from 0 to 1
-Trial = Mapping[str, Outcomes]  # outcomes of a trial's missions, by world
+PERCENT = "%"  # printed unit of shares, which are numbers from 0 to 1 in tables
+Trial = Mapping[str, Outcomes]  # outcomes of a trial by world
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The result of testing a requirement in trials, and the worst mission."""
+    """The result of testing a requirement, and the worst mission."""
 
     result: str  # MET, VIOLATED or UNDECIDED
-    trials: int  # number of trials that decided the result, or of all trials
-    value: float  # mean or share over the trials
-    low: float  # lower bound; each bound holds with the given confidence
+    trials: int  # number of trials until the decision, or of all trials
+    value: float  # mean or share over all trials
+    low: float  # lower bound with the given confidence
     high: float
     confidence: float
     limit: float  # required value
-    unit: str  # PERCENT for a share from 0 to 1; otherwise empty
-    worst: tuple[int, str]  # trial and world of the mission
-    further: float = 0.0  # estimated trials to a decision; infinite if none is expected
-    tends: str = ""  # MET or VIOLATED, the result to be expected; empty if decided or unknown
-    decided_by: str = ""  # deciding level, if there are several
+    unit: str  # PERCENT for shares from 0 to 1, otherwise empty
+    worst: tuple[int, str]  # trial and world of the worst mission
+    further: float = 0.0  # expected further trials until a decision, may be infinite
+    tends: str = ""  # expected result, MET or VIOLATED; empty if decided or unknown
+    decided_by: str = ""  # name of the deciding level, if there are several
 
     @property
     def text(self) -> str:
-        """The numbers behind the result and, unless the requirement is met, the worst mission."""
+        """The numbers behind the result and, unless it is met, the worst mission."""
         value, low, high = self._write_numbers()
         unit = f" {self.unit}" if self.unit else ""
         text = (
@@ -54,7 +54,7 @@ class Verdict:
         return f"{text}; the worst mission is trial {trial} in {world}"
 
     def _write_numbers(self) -> list[str]:
-        """Format value and bounds with enough digits to tell the bounds from the limit."""
+        """Format the value and its bounds with enough digits to tell the bounds from the limit."""
         scale = 100 if self.unit == PERCENT else 1
         numbers = [scale * number for number in (self.value, self.low, self.high)]
         digits = count_digits(numbers[2] - numbers[1])
@@ -73,11 +73,12 @@ def write_percent(share: float) -> str:
 
 
 def conclude(levels: Mapping[str, Verdict]) -> Verdict:
-    """Return the verdict on a requirement from the verdicts on its levels, by name.
+    """Return the verdict on a requirement from the verdicts on its levels by name.
 
-    It is met if all levels are met, violated if any is violated, and otherwise undecided. The
-    numbers come from the first violated level, the level that was met last, or the critical level.
-    The latter is the first that trials like those so far would violate, or else the last to be met.
+    The requirement is met if all levels are met, violated if any level is violated, and otherwise
+    undecided. The numbers are those for the first violated level or, if all are met, for the last
+    to be met. Otherwise, they are for the undecided level that would first be violated by trials
+    like those so far, or be met last.
     """
     verdicts = [
         verdict if len(levels) == 1 and not name else replace(verdict, decided_by=name)

@@ -1,1 +1,1 @@
-"""Messages, results and exit statuses of all commands and of the Python interface."""
+"""Messages, results and exit statuses of the commands and the Python interface."""

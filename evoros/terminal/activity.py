@@ -1,4 +1,4 @@
-"""Announces activities other than missions, such as compiling and drawing, for display."""
+"""Announcements of activities other than missions, such as compilation and drawing."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -8,14 +8,14 @@ from threading import Event, Thread
 
 from evoros.terminal.log import LOGGER
 
-SLOW_S = 5.0  # [s], interval at which a command that prints nothing else reports its activity
+SLOW_S = 5.0  # [s], interval of messages about an activity
 _LISTENER: ContextVar[Callable[[str], object] | None] = ContextVar("listener", default=None)
 _ACTIVITY: ContextVar[str] = ContextVar("activity", default="")
 
 
 @contextmanager
 def listen(listener: Callable[[str], object]) -> Iterator[None]:
-    """Call the listener with each activity that this thread announces."""
+    """Call the listener with each activity announced by this thread."""
     token = _LISTENER.set(listener)
     try:
         yield
@@ -25,7 +25,7 @@ def listen(listener: Callable[[str], object]) -> Iterator[None]:
 
 @contextmanager
 def announce(activity: str) -> Iterator[None]:
-    """Announce an activity of this thread and, when it ends, the previous activity again."""
+    """Announce an activity of this thread, and at its end the previous one again."""
     token = _ACTIVITY.set(activity)
     _tell()
     try:
@@ -43,7 +43,7 @@ def _tell() -> None:
 
 @contextmanager
 def tell_slow(activity: str) -> Iterator[None]:
-    """Log this thread's activity, initially ``activity``, every ``SLOW_S``."""
+    """Log this thread's activity, at first ``activity``, every ``SLOW_S``."""
     now, done, start = [activity], Event(), time.monotonic()
 
     def tell() -> None:

@@ -13,11 +13,11 @@ from evoros.base import errors
 from evoros.terminal.log import LOGGER, escape_control, log_to_terminal, silence, silence_unwritable
 
 # Exit statuses:
-DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130  # STOPPED runs are resumable; INPUT is unusable
-NOT_MET, NOT_DECIDED = 3, 4  # finished evaluations with a violated or an undecided requirement
-DIFFERENT = 1  # the compared folders, missions or rows differ
+DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130  # STOPPED: resumable run; INPUT: unusable input
+NOT_MET, NOT_DECIDED = 3, 4  # evaluations with a violated or an undecided requirement
+DIFFERENT = 1  # the compared folders, missions or rows are different
 Command = Callable[[Sequence[str]], int]
-"""Runs a command with its arguments, and returns the exit status."""
+"""A function that runs a command with its arguments and returns the exit status."""
 
 
 def run_main(command: Command) -> NoReturn:
@@ -26,9 +26,9 @@ def run_main(command: Command) -> NoReturn:
     try:
         status = command(sys.argv[1:])
     except KeyboardInterrupt:
-        status = INTERRUPTED  # second Ctrl-C while the first was being reported
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # exiting waits for threads and workers
-    silence_unwritable()  # a flush that fails at exit would change the status
+        status = INTERRUPTED  # a second Ctrl-C during the report of the first
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # exit waits for threads and workers
+    silence_unwritable()  # a flush that fails at exit changes the status
     sys.exit(status)
 
 
@@ -40,11 +40,11 @@ def explain_interrupt() -> tuple[str, int]:
 def report_errors(
     name: str, run: Callable[[], int], explain: Callable[[], tuple[str, int]] = explain_interrupt
 ) -> int:
-    """Run a command and return the exit status; report any error, or ``explain`` Ctrl-C."""
+    """Run a command and return its exit status; report errors, and Ctrl-C as in ``explain``."""
     with log_to_terminal():
         try:
             return run()
-        except SystemExit as ended:  # raised by --help and --version
+        except SystemExit as ended:  # raised for --help and --version
             return int(ended.code or DONE)
         except KeyboardInterrupt:
             return report_error(name, *explain())
@@ -58,7 +58,7 @@ def report_errors(
 
 
 def reports_errors(name: str) -> Callable[[Command], Command]:
-    """Return a decorator that runs a command's function under ``report_errors``."""
+    """Return a decorator that runs a command in ``report_errors``."""
 
     def decorate(run: Command) -> Command:
         return wraps(run)(lambda arguments: report_errors(name, lambda: run(arguments)))
@@ -67,18 +67,18 @@ def reports_errors(name: str) -> Callable[[Command], Command]:
 
 
 def report_error(name: str, message: str, status: int) -> int:
-    """Log the error that ended a command or job, in one line, and return ``status``."""
+    """Log the error that ended a command or job as one line; return ``status``."""
     LOGGER.error("%s: %s", name, errors.single_line(message))
     return status
 
 
 def status_of(error: errors.EvorosError) -> int:
-    """Return the exit status of an error."""
+    """Return the exit status for an error."""
     return INPUT if isinstance(error, errors.InputError) else STOPPED
 
 
 def print_result(text: str) -> None:
-    """Print to standard output, where a closed pipe is not an error; report other failures."""
+    """Print to standard output; ignore a closed pipe, and report other failures."""
     try:
         print(escape_control(text), flush=True)
     except OSError as error:
@@ -92,7 +92,7 @@ def print_result(text: str) -> None:
 
 def _open_standard_streams() -> None:
     """Open closed standard streams on the null device."""
-    # Otherwise, C libraries print to the files that are opened next.
+    # C libraries would otherwise print into the files that are opened next.
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(descriptor)
@@ -114,7 +114,7 @@ class CommandParser(ArgumentParser):
         raise errors.InputError(f"{message}; see {self.prog} --help")
 
     def parse(self, words: Sequence[str]) -> Namespace:
-        """Parse a command's words; suggest quotes if a path with spaces was split."""
+        """Parse the arguments of a command; suggest quotes for a path with spaces."""
         options, rest = self.parse_known_args(list(words))
         if rest:
             before = words[: words.index(rest[0])][-1:]
@@ -125,7 +125,7 @@ class CommandParser(ArgumentParser):
 
 
 def require_keys(words: Sequence[str], before: str) -> None:
-    """Require ``key=value`` or ``~key`` of each word; ``before`` was typed before the words."""
+    """Require that words are ``key=value`` or ``~key``; ``before`` precedes them."""
     for i, word in enumerate(words):
         if not _stands_alone(word):
             before = word

@@ -1,4 +1,4 @@
-"""Destinations of log messages: the terminal for commands, a file in the folder for runs."""
+"""Destinations of log messages: the terminal in commands, a file in run folders."""
 
 import logging
 import os
@@ -18,20 +18,20 @@ from evoros.base.errors import InputError
 _LOG = logging.getLogger(__name__)
 _READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evoros.world.",
             "evoros.drive.", "evoros.files.")  # fmt: skip
-"""Loggers of omissions and assumptions that are made when a robot or world is read."""
+"""Loggers of omissions and assumptions in reading robots and worlds."""
 _ONCE = (*_READERS, "evoros.preflight.", "evoros.config.")
-"""Loggers whose messages recur in many jobs of a sweep."""
+"""Loggers whose messages are the same in many jobs of a sweep."""
 LOGGER = logging.getLogger("evoros")
 
 _JOB: ContextVar[str] = ContextVar("job", default="")
-"""Folder of the job that messages are about; empty if there is one job, or for all jobs."""
+"""Folder of the job that the messages concern; empty for one job and for all jobs."""
 _LOCK = Lock()
 _PROGRESS = "is_progress"  # attribute of log records about progress
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all except tabs and newlines
 
 
 def escape_control(text: str) -> str:
-    """Escape control characters, which may occur in file names and contents."""
+    """Escape control characters, which file names and contents may contain."""
     return _CONTROL.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
@@ -47,7 +47,7 @@ def log_for_job(job: str) -> Iterator[None]:
 
 @contextmanager
 def attach(handler: logging.Handler, own_job: bool = False) -> Iterator[None]:
-    """Also send messages to this handler; with ``own_job``, only messages of this thread's job."""
+    """Add a handler of messages; with ``own_job``, only of messages from this thread's job."""
     job = _JOB.get()
     if own_job:
         handler.addFilter(lambda record: _JOB.get() == job)
@@ -60,7 +60,7 @@ def attach(handler: logging.Handler, own_job: bool = False) -> Iterator[None]:
 
 @contextmanager
 def detach(handler: logging.Handler) -> Iterator[None]:
-    """Stop sending messages to the handler."""
+    """Remove a handler of messages for the context."""
     _remove(handler)
     try:
         yield
@@ -69,7 +69,7 @@ def detach(handler: logging.Handler) -> Iterator[None]:
 
 
 def _add(handler: logging.Handler) -> None:
-    with _LOCK:  # replaced, because another thread may iterate over the old list
+    with _LOCK:  # a new list, because other threads may iterate over the old one
         LOGGER.handlers = [*LOGGER.handlers, handler]
 
 
@@ -79,11 +79,11 @@ def _remove(handler: logging.Handler) -> None:
 
 
 def format_for_terminal(handler: logging.Handler) -> logging.Handler:
-    """Set up a handler for standard error."""
+    """Configure a handler for standard error."""
     handler.setLevel(logging.INFO)
     handler.setFormatter(_JobFormatter("%(message)s"))
     handler.addFilter(lambda record: not _JOB.get() or record.levelno >= logging.WARNING)
-    handler.addFilter(_SHOW_ONCE)  # comes last, because it marks the lines it passes as shown
+    handler.addFilter(_SHOW_ONCE)  # last, because it remembers the lines that it passes
     return handler
 
 
@@ -99,18 +99,18 @@ class _JobFormatter(_PlainFormatter):
 
 
 def log_progress(message: str, *values: object) -> None:
-    """Log the progress of a run; standard error shows it only if it is a terminal."""
+    """Log the progress of a run; on standard error, only if it is a terminal."""
     LOGGER.info(message, *values, extra={_PROGRESS: True})
 
 
 @cache
 def warn_left_out(reason: str) -> None:
-    """Warn that something is left out, once per reason."""
+    """Warn once per reason that something is left out."""
     LOGGER.warning("%s; left out", reason)
 
 
 class _StandardError(logging.StreamHandler[TextIO]):
-    """A handler for standard error that silences the stream if it cannot be written."""
+    """A handler for standard error that silences the stream after a failed write."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
         if isinstance(sys.exc_info()[1], OSError):
@@ -121,7 +121,7 @@ class _StandardError(logging.StreamHandler[TextIO]):
 
 @contextmanager
 def log_to_terminal(*, again: bool = False) -> Iterator[None]:
-    """Send messages to standard error; if ``again``, leave out lines that were already shown."""
+    """Send messages to standard error; with ``again``, omit lines that were already shown."""
     handler = format_for_terminal(_StandardError(sys.stderr))
     handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
     if not again:
@@ -136,7 +136,7 @@ def log_to_terminal(*, again: bool = False) -> Iterator[None]:
 
 @contextmanager
 def collect_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect messages of all levels, for ``log_to_file`` later."""
+    """Collect messages of all levels for a later ``log_to_file``."""
     memory = BufferingHandler(sys.maxsize)
     with attach(memory, own_job=True), log_everything():
         yield memory.buffer
@@ -144,7 +144,7 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
 
 @contextmanager
 def withhold_messages() -> Iterator[list[logging.LogRecord]]:
-    """Collect, but do not show, the messages of this thread; the innermost context collects."""
+    """Collect the messages of this thread without showing them; the innermost context collects."""
     memory, thread = BufferingHandler(sys.maxsize), get_ident()
     memory.addFilter(lambda record: record.thread == thread)
     handlers = tuple(LOGGER.handlers)
@@ -152,9 +152,9 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
     def is_of_another(record: logging.LogRecord) -> bool:
         return record.thread != thread
 
-    # A logger's filters do not see the records of child loggers.
+    # The filters of a logger do not apply to its child loggers.
     for handler in handlers:
-        handler.filters.insert(0, is_of_another)  # precedes _SHOW_ONCE, which marks lines as shown
+        handler.filters.insert(0, is_of_another)  # precedes _SHOW_ONCE, which remembers lines
     try:
         with attach(memory), log_everything():
             yield memory.buffer
@@ -164,7 +164,7 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
 
 
 class _LogFile(logging.FileHandler):
-    """A handler for a file that reports the first failed write and then stops writing."""
+    """A file handler that reports the first failed write and stops writing."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
         error = sys.exc_info()[1]
@@ -178,7 +178,7 @@ class _LogFile(logging.FileHandler):
 
 @contextmanager
 def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
-    """Send messages, with tracebacks, also to a file, after the ``earlier`` messages."""
+    """Send messages, with tracebacks, to a file, starting with the ``earlier`` ones."""
     try:
         handler = _LogFile(path, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
@@ -197,7 +197,7 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
 
 
 class _Everything:
-    """Passes messages of all levels until the last context, such as a job, exits."""
+    """Enables messages of all levels until the last of its contexts exits."""
 
     def __init__(self) -> None:
         self._holders, self._level = 0, logging.NOTSET
@@ -220,12 +220,12 @@ _EVERYTHING = _Everything()
 
 
 def log_everything() -> AbstractContextManager[None]:
-    """Pass messages of all levels to the handlers, each of which filters by level."""
+    """Enable messages of all levels, which each handler filters."""
     return _EVERYTHING
 
 
 class _Once(logging.Filter):
-    """Passes each line of the ``_ONCE`` loggers once, and no line that ``read_again`` withholds."""
+    """Passes each line of the ``_ONCE`` loggers once, and no lines withheld by ``read_again``."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -237,8 +237,7 @@ class _Once(logging.Filter):
         known = _KNOWN.get()
         if known is not None and record.name.startswith(_READERS) and known.has(record):
             return False
-        # The first record with a message may pass several times, because several handlers may
-        # receive it.
+        # The first record with a message may pass repeatedly, once for each handler.
         return self.shown.setdefault(record.getMessage(), record) is record
 
 
@@ -265,7 +264,7 @@ _KNOWN: ContextVar[_KnownLines | None] = ContextVar("known", default=None)
 
 @contextmanager
 def read_again(log: Path) -> Iterator[None]:
-    """Withhold lines about reading files that ``log`` already contains; report their number."""
+    """Withhold lines about files that ``log`` already contains, and report their number."""
     known = _KnownLines(log)
     token = _KNOWN.set(known)
     try:
@@ -279,8 +278,8 @@ def read_again(log: Path) -> Iterator[None]:
 
 
 def silence(stream: TextIO) -> None:
-    """Redirect a stream to the null device, also for processes that start later."""
-    # Otherwise, the unwritten buffer would make later flushes fail.
+    """Redirect a stream to the null device, also for processes started later."""
+    # Otherwise, unwritten data in the buffer would make later flushes fail.
     with suppress(OSError, ValueError):  # the stream has no file descriptor
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())
@@ -288,7 +287,7 @@ def silence(stream: TextIO) -> None:
 
 
 def silence_unwritable() -> None:
-    """Silence each standard stream that cannot be written."""
+    """Silence the standard streams that cannot be written."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

@@ -1,1 +1,1 @@
-"""Moving obstacles: people who walk through a world and avoid each other and the robots."""
+"""Walkers: people who walk through a world and avoid each other and the robots."""

@@ -15,7 +15,7 @@ from evoros.walkers import layout as at
 from evoros.walkers.layout import REPORT_SIZE, Walk, Walking
 
 MOST_WALKERS = 200
-"""Maximum number of walkers in a group; at every step, each one interacts with all others."""
+"""Maximum number of walkers in a group; in each step, each walker interacts with all others."""
 
 
 def _interval(text: str, holds: Callable[[Any], bool]) -> checks.Rule:
@@ -48,11 +48,12 @@ RANDOM, EVEN = "random", "even"
 class SocialForce:
     """The forces on a walker per unit mass (Helbing and Molnar, Phys. Rev. E 51, 4282, 1995).
 
-    The defaults are the paper's, for points; here, distances are between walkers' surfaces.
+    The paper's values are the defaults. Its distances are between points; here, they are between
+    the walkers' surfaces.
     """
 
-    relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time in which a walker reaches its pace
-    repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # potential between two walkers
+    relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time constant of the desired speed
+    repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # strength of walkers' potential
     # distance over which the potential falls to 1/e
     range_m: Annotated[float, checks.POSITIVE] = 0.3
     border_repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 10.0  # potential of obstacles
@@ -62,10 +63,11 @@ class SocialForce:
 @dataclass(frozen=True)
 @checks.checked
 class Walkers:
-    """A group of walkers, which are upright cylinders.
+    """A group of walkers, modelled as upright cylinders.
 
-    Each walker walks along the corners of its route, and returns from the last to the first.
-    Without a ``route``, each mission draws one for each walker, out and back through free space.
+    Each walker follows the corners of its route, and returns from the last corner to the first.
+    Without a ``route``, each mission draws a route through free space, out and back, for each
+    walker.
     """
 
     number: Annotated[int | Sequence[int], NUMBER]  # [low, high]: drawn for each mission
@@ -73,12 +75,12 @@ class Walkers:
     radius_m: Annotated[float, checks.number_between(0.1, 2.0)] = 0.25
     height_m: Annotated[float, checks.number_between(0.05, 10.0)] = 1.7
     route: Annotated[Sequence[Sequence[float]] | None, ROUTE] = None  # corners [m]
-    phase: Annotated[str, checks.one_of(RANDOM, EVEN)] = RANDOM  # start position along the route
-    avoids_robots: Annotated[bool, checks.FLAG] = True  # whether robots repel the walkers
+    phase: Annotated[str, checks.one_of(RANDOM, EVEN)] = RANDOM  # initial position along the route
+    avoids_robots: Annotated[bool, checks.FLAG] = True  # True: robots repel the walkers
     stops_for_robots: Annotated[bool, checks.FLAG] = False
     # gap at which a walker stops for a robot
     stop_distance_m: Annotated[float, checks.POSITIVE] = 1.0
-    # time after which a waiting walker goes around the robot
+    # time after which a waiting walker goes around a robot
     patience_s: Annotated[float, checks.NOT_NEGATIVE] = 10.0
     force: Annotated[SocialForce, checks.instance_of(SocialForce, "forces (SocialForce)")] = field(
         default_factory=SocialForce
@@ -108,44 +110,44 @@ class Walkers:
 WALKERS = checks.mapping_of(Walkers, "walkers (evoros.walkers.crowd.Walkers)")
 
 
-AWAY_M = 1e5  # distance at which the walkers absent from a mission are placed, 10 m apart
+AWAY_M = 1e5  # [m], distance at which walkers absent from the mission are placed, 10 m apart
 
 
 class Walker(NamedTuple):
-    """A walker's parameters and its state at the start of a mission."""
+    """The parameters of a walker, and its state at the start of a mission."""
 
     name: str
     radius: float  # [m]
     height: float  # [m]
     corners: Array  # (k, CORNER_SIZE)
     place: tuple[float, float]  # [m]
-    goal: int = 0  # index of the corner that the walker heads for
+    goal: int = 0  # index of the next corner
     pace: float = 0.0  # [m/s]
-    group: Walkers | None = None  # None: an actor, which follows a script
-    delay: float = 0.0  # [s] before each repetition of the script
-    loops: bool = False  # True if the script repeats
+    group: Walkers | None = None  # None for an actor, which follows a script
+    delay: float = 0.0  # [s], pause before each repetition of the script
+    loops: bool = False  # True if the script is repeated
     present: bool = True
 
 
 class Surroundings(NamedTuple):
-    """Robots and obstacles around the walkers."""
+    """The robots and obstacles around the walkers."""
 
-    outlines: Sequence[Array]  # (k, 2) [m], one per robot, in the robot frame
-    borders: tuple[Array, ...]  # the fields of ``Walk`` from ``grid`` to ``borders``
+    outlines: Sequence[Array]  # (k, 2) [m], outline of each robot in its frame
+    borders: tuple[Array, ...]  # the fields ``grid`` to ``borders`` of ``Walk``
 
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """The walkers of a mission, with the ``memory`` at the start."""
+    """The walkers of a mission, with their initial ``memory``."""
 
     names: tuple[str, ...]
-    sizes: tuple[tuple[float, float], ...]  # radius and height [m], one pair per walker
+    sizes: tuple[tuple[float, float], ...]  # radius and height [m] of each walker
     parameters: Array  # a packed Walk
     memory: Array  # a packed Walking
 
     @classmethod
     def of(cls, walkers: Sequence[Walker], around: Surroundings) -> "Crowd":
-        """Pack walkers into arrays, in order."""
+        """Convert walkers to arrays, in order."""
         rows = np.zeros((len(walkers), at.WALKER_SIZE))
         places = np.zeros((len(walkers), 2))
         motions = np.zeros((len(walkers), at.MOTION_SIZE))
@@ -172,7 +174,7 @@ def _describe(walker: Walker, first: int, end: int) -> list[float]:
     kind, manners = at.ACTING, [0.0] * (at.DELAY - at.AVOIDS)
     if group is not None:
         kind, gap = at.WALKING, group.stop_distance_m if group.stops_for_robots else 0.0
-        forces = vars(group.force).values()  # fields in the order of the columns
+        forces = vars(group.force).values()  # same order as the columns
         manners = [float(group.avoids_robots), gap, group.patience_s, *forces]
     kind = kind if walker.present else at.ABSENT
     route = [walker.radius, walker.pace, first, end, kind]
@@ -187,7 +189,7 @@ def _find_heading(walker: Walker) -> Array:
 
 @compilable
 def report_walkers(now: Walking, reports: Array) -> None:
-    """Write a report on each walker, with NaN as the position of absent walkers."""
+    """Write a report on each walker; the position of an absent walker is NaN."""
     for i in range(len(now.places)):
         away = now.places[i, 1] == AWAY_M
         reports[i * REPORT_SIZE + at.REPORT_X] = math.nan if away else now.places[i, 0]

@@ -1,7 +1,7 @@
 """The forces on a walker per unit mass, and the resulting velocity.
 
-As in Helbing and Molnar, Physical Review E 51, 4282 (1995), without the random part. Here, walkers
-also steer to the right when something approaches, and turn back without progress.
+The model is that by Helbing and Molnar (Physical Review E 51, 4282, 1995) without random forces. In
+addition, walkers evade obstacles ahead to the right, and turn back when blocked.
 """
 
 import math
@@ -17,24 +17,24 @@ from evoros.walkers import layout as at
 from evoros.walkers.layout import Walk, Walking
 
 AHEAD_M = 1.0
-"""Distance along the leg to the point that a walker heads for, which brings it back to the leg."""
+"""Distance [m] along the leg to the target point, which leads a walker back to its leg."""
 REACHED_M, PASSED_M = 0.3, 1.0
-"""Distances at which a corner counts as reached, before and after the walker passes it."""
+"""Distances [m] at which a walker has reached a corner, before and after passing it."""
 FOREIGN_REACH_M = 2.5
-"""Distance [m] beyond which obstacles have no effect; their potential has fallen to e**-12."""
-STRIDE_S = 2.0  # time ahead for which others stay out of a walker's path, as in the paper
+"""Distance [m] beyond which obstacles are ignored; their potential has fallen to e**-12."""
+STRIDE_S = 2.0  # [s], time ahead for which others stay out of a walker's path, as in the paper
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
-"""The cosine of half the field of view (100 degrees) and the weight of unseen forces (paper)."""
+"""The cosine of half the field of view (100 degrees), and the weight of forces from behind."""
 SLOW, BLOCKED_S = 0.1, 3.0
-"""Minimum progress as a fraction of the pace, and time [s] below it until the walker turns back."""
+"""Minimum progress relative to the pace, and time [s] with less progress before turning back."""
 FASTEST = 1.3  # maximum speed relative to the pace, as in the paper
-RIGHTWARDS = 0.3  # fraction of a force from ahead that acts to the right
-PERSON_M = 0.25  # radius for which the distances are as in the paper
+RIGHTWARDS = 0.3  # fraction of a force from ahead that is turned to the right
+PERSON_M = 0.25  # [m], radius of a walker for which the distances equal the paper's
 
 
 @compilable
 def steer(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> None:
-    """Set a walker's next velocity from the forces on it."""
+    """Compute a walker's next velocity from the forces on it."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     vx = motion[at.VELOCITY_X]
@@ -72,7 +72,7 @@ def steer(parameters: Array, memory: Array, robots: Array, i: int, step: float) 
 
 @compilable
 def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float]:
-    """Return the unit vector from a walker to the point on its route that it heads for."""
+    """Update a walker's next corner; return the unit vector to its target point on the route."""
     crowd, now = unpack(Walk, parameters), unpack(Walking, memory)
     first, end = int(crowd.walkers[i, at.FIRST]), int(crowd.walkers[i, at.END])
     x = now.places[i, 0]
@@ -108,7 +108,7 @@ def find_heading(parameters: Array, memory: Array, i: int) -> tuple[float, float
 
 @compilable
 def follow(corner: int, first: int, end: int, backwards: bool) -> int:
-    """Return the corner after one on a closed route, or before it if ``backwards``."""
+    """Return the next corner of a closed route, or the previous one if ``backwards``."""
     if backwards:
         return corner - 1 if corner > first else end - 1
     return corner + 1 if corner + 1 < end else first
@@ -116,7 +116,7 @@ def follow(corner: int, first: int, end: int, backwards: bool) -> int:
 
 @compilable
 def turn_back(parameters: Array, memory: Array, i: int) -> None:
-    """Reverse a walker's direction along its route."""
+    """Reverse the direction in which a walker follows its route."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     motion[at.BACKWARDS] = 1.0 - motion[at.BACKWARDS]
@@ -128,7 +128,7 @@ def turn_back(parameters: Array, memory: Array, i: int) -> None:
 
 @compilable
 def waits(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> bool:
-    """Return True if a walker is waiting for a nearby robot; waiting times are limited."""
+    """Return True if a walker waits for a nearby robot, which it does for a limited time."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     near = False
@@ -148,7 +148,7 @@ def waits(parameters: Array, memory: Array, robots: Array, i: int, step: float) 
 def repel_by_walkers(
     parameters: Array, memory: Array, i: int, ex: float, ey: float
 ) -> tuple[float, float]:
-    """Return the force of all other walkers on a walker that heads for (ex, ey)."""
+    """Return the force of all other walkers on a walker whose heading is (ex, ey)."""
     walkers, now = unpack(Walk, parameters).walkers, unpack(Walking, memory)
     walker = walkers[i]
     fx = 0.0
@@ -159,7 +159,7 @@ def repel_by_walkers(
         distance = math.sqrt(rx * rx + ry * ry)
         if j == i or walkers[j, at.KIND] == at.ABSENT or distance == 0.0:
             continue
-        # Lines of equal potential are ellipses around the other walker and the end of its stride.
+        # Equipotential lines are ellipses with foci at the other walker and the end of its stride.
         wx = STRIDE_S * now.motions[j, at.VELOCITY_X]
         wy = STRIDE_S * now.motions[j, at.VELOCITY_Y]
         sx = rx - wx
@@ -181,7 +181,7 @@ def repel_by_walkers(
 def repel_by_robots(
     parameters: Array, memory: Array, robots: Array, i: int, ex: float, ey: float
 ) -> tuple[float, float]:
-    """Return the force of robots, as obstacles, on a walker that heads for (ex, ey)."""
+    """Return the force of the robots, as obstacles, on a walker whose heading is (ex, ey)."""
     walker = unpack(Walk, parameters).walkers[i]
     place = unpack(Walking, memory).places[i]
     fx = 0.0
@@ -218,20 +218,20 @@ def repel_by_borders(parameters: Array, memory: Array, i: int) -> tuple[float, f
 
 @compilable
 def push_off(walker: Array, gap: float) -> float:
-    """Return the magnitude of an obstacle's force at a distance [m] from a walker's centre."""
+    """Return the magnitude of an obstacle's force, given its distance [m] to a walker's centre."""
     share = (gap + PERSON_M - walker[at.RADIUS]) / walker[at.BORDER_RANGE]
     return float(walker[at.BORDER_REPULSION] / walker[at.BORDER_RANGE] * decay(share))
 
 
 @compilable
 def decay(share: float) -> float:
-    """Return e**-share, limited to e**4 for the case of overlap."""
+    """Return e**-share, at most e**4, which limits the force during overlap."""
     return elementary.exp(-max(share, -4.0))
 
 
 @compilable
 def weigh(fx: float, fy: float, ex: float, ey: float) -> tuple[float, float]:
-    """Weight a force on a walker that heads for (ex, ey); turn a force from ahead to the right."""
+    """Weight a force on a walker whose heading is (ex, ey); turn forces from ahead to the right."""
     size = math.sqrt(fx * fx + fy * fy)
     ahead = -(fx * ex + fy * ey)
     if ahead < SIGHT_COS * size:
@@ -245,7 +245,7 @@ def weigh(fx: float, fy: float, ex: float, ey: float) -> tuple[float, float]:
 def find_robot(
     parameters: Array, robots: Array, robot: int, x: float, y: float
 ) -> tuple[float, float, float]:
-    """Return the distance [m] from a robot's outline (negative inside) and the unit vector away."""
+    """Return the distance [m] to a robot's outline (negative inside) and the unit vector away."""
     crowd = unpack(Walk, parameters)
     outline = crowd.outlines[int(crowd.ends[robot]) : int(crowd.ends[robot + 1])]
     cos = robots[robot, 2]
@@ -258,7 +258,7 @@ def find_robot(
 
 @compilable
 def find_obstacle(parameters: Array, row: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return the distance [m] from an obstacle (negative inside) and the direction away."""
+    """Return the distance [m] to an obstacle (negative inside) and the unit vector away from it."""
     crowd = unpack(Walk, parameters)
     footprint = crowd.footprints[row]
     polygon = crowd.borders[int(footprint[START]) : int(footprint[END])]
@@ -268,7 +268,7 @@ def find_obstacle(parameters: Array, row: int, x: float, y: float) -> tuple[floa
 
 @compilable
 def is_near(footprint: Array, x: float, y: float, reach: float) -> bool:
-    """Return True if a footprint may be within a distance [m] of a position."""
+    """Return True if a footprint may be within ``reach`` [m] of a position."""
     dx = footprint[CENTRE_X] - x
     dy = footprint[CENTRE_Y] - y
     near = footprint[CIRCLE] + reach

@@ -1,4 +1,4 @@
-"""Array layouts for walkers: their parameters, and their state in a mission."""
+"""Array layouts of walkers: their parameters, and their state in a mission."""
 
 from typing import NamedTuple
 
@@ -11,22 +11,22 @@ from evoros.base.arrays import Array, Matrix
 """Columns of a walker.
 
 Radius [m]; pace [m/s]; indices of the first corner and the end of the corners; kind; 1 if robots
-repel it; gap [m] to a robot at which it stops, or 0, and maximum wait [s]; its ``SocialForce``; for
-an actor, the time [s] before each round, and 1 if there are several rounds.
+repel it; gap [m] at which it stops for a robot, or 0, and maximum wait [s]; its ``SocialForce``;
+for an actor, the pause [s] before each round, and 1 if there are several rounds.
 """
 WALKER_SIZE = 15
 ABSENT, WALKING, ACTING = range(3)
-"""Kinds of walkers: absent from this mission, moved by forces, or following a script."""
+"""Kinds of walkers: absent from the mission, driven by forces, or following a script."""
 VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, BACKWARDS, BLOCKED, CLOCK, WAITED, TOUCHED = range(10)
 """Columns of a walker's motion.
 
-Current and next velocity [m/s]; the next corner; 1 if it follows its route backwards; time
-without progress [s]; time in its script [s]; time it has waited for a robot [s]; and the sum of
-2**i over the robots i that it has touched.
+Current and next velocity [m/s]; index of the next corner; 1 on the way back; time without progress
+[s]; time in its script [s]; time spent waiting for a robot [s]; and the sum of 2**i over the robots
+i that it has touched.
 """
 MOTION_SIZE = 10
 CORNER_X, CORNER_Y, CORNER_S = range(3)
-"""Columns of a corner: position [m] and, in a script, time [s]."""
+"""Columns of a corner: position [m] and, in scripts, time [s]."""
 CORNER_SIZE = 3
 REPORT_X, REPORT_Y, REPORT_TOUCHED = range(3)
 """Columns of a report on a walker, after the robots' states; NaN if the walker is absent."""
@@ -39,11 +39,11 @@ class Walk(NamedTuple):
 
     walkers: Matrix  # (n, WALKER_SIZE)
     corners: Matrix  # (c, CORNER_SIZE)
-    ends: Array  # (robots + 1,), start of each robot's outline
-    outlines: Matrix  # (k, 2) [m], in the robot frames
+    ends: Array  # (robots + 1,), start of each robot's outline, and the end
+    outlines: Matrix  # (k, 2) [m], corners of all outlines in the robot frames
     grid: Array  # see evoros.geometry.grid
-    starts: Array  # first entry of each grid cell
-    entries: Array  # rows of the footprints within a walker's reach
+    starts: Array  # index of the first entry of each grid cell
+    entries: Array  # indices of the footprints within reach of each grid cell
     footprints: Matrix  # see evoros.geometry.footprint
     borders: Matrix  # (c, 2) [m], corners of the footprints
 

@@ -1,4 +1,4 @@
-"""The rule that moves walkers, which slide along obstacles, the same in all simulators."""
+"""The rule that moves walkers in all simulators; walkers slide along obstacles."""
 
 import math
 
@@ -10,13 +10,13 @@ from evoros.walkers import layout as at
 from evoros.walkers.forces import find_obstacle, find_robot, is_near, steer
 from evoros.walkers.layout import Walk, Walking
 
-_FASTEST_MPS = 10.0  # speed above which an actor jumps to the start of its next round
-SLIDES = 3  # maximum number of deflections by obstacles in one step
+_FASTEST_MPS = 10.0  # speed of an actor above which it jumps to the start of the next round
+SLIDES = 3  # maximum number of deflections per step
 
 
 @compilable
 def walk(parameters: Array, memory: Array, robots: Array, step: float) -> None:
-    """Move all walkers by a step [s]; ``robots`` (r, 4) holds x, y, cosine and sine of the yaw."""
+    """Move all walkers by a step [s]; ``robots`` (r, 4) has x, y, cosine and sine of the yaw."""
     walkers = unpack(Walk, parameters).walkers
     for i in range(len(walkers)):
         if walkers[i, at.KIND] == at.WALKING:
@@ -30,7 +30,7 @@ def walk(parameters: Array, memory: Array, robots: Array, step: float) -> None:
 
 @compilable
 def advance_walker(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> None:
-    """Move a walker at its next velocity, deflected by obstacles."""
+    """Move a walker at its next velocity; obstacles deflect it."""
     now = unpack(Walking, memory)
     motion = now.motions[i]
     x = now.places[i, 0]
@@ -61,7 +61,7 @@ def advance_walker(parameters: Array, memory: Array, robots: Array, i: int, step
 def find_barrier(
     parameters: Array, memory: Array, robots: Array, i: int, x: float, y: float
 ) -> tuple[float, float]:
-    """Return the direction away from whatever blocks a position; zeros if the position is free."""
+    """Return the direction away from the object that blocks a position; zeros if it is free."""
     crowd, now = unpack(Walk, parameters), unpack(Walking, memory)
     radius = crowd.walkers[i, at.RADIUS]
     here_x = now.places[i, 0]

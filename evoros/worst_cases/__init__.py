@@ -1,1 +1,1 @@
-"""The search for the failures that degrade a design most."""
+"""A search for the failures that degrade a design most."""

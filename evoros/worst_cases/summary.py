@@ -1,4 +1,4 @@
-"""Summarizes the worst cases that an evaluation has found, with commands that repeat them."""
+"""A summary of the worst cases in an evaluation, with commands that repeat them."""
 
 from collections.abc import Iterator, Sequence
 
@@ -71,7 +71,7 @@ def _write_rate(row: dict[str, object] | dict[object, object]) -> str:
 def write_command(
     typed: Sequence[str], option: Sequence[str], source: str, case: Case, trials: int
 ) -> str:
-    """Return the command line that repeats a case's missions."""
+    """Return the command line that repeats the missions of a case."""
     kept = [override for override in typed if not _is_replaced(override)]
     times = ",".join(map(repr, case.times_s))
     stated = [

@@ -1,4 +1,4 @@
-"""The search for the smallest set of sensors whose failure stops a design."""
+"""A search for the smallest set of sensors whose failure stops a design."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,28 +19,28 @@ from evoros.mission.mission import Outcome
 @dataclass(frozen=True)
 @checks.checked
 class WorstCases:
-    """A search that fails one sensor, then two, and so on, until a case stops the design.
+    """A search for the failures of one sensor, then of two, and so on, that stop a design.
 
-    The search tries all sets of a size at all ``times_s`` if there are at most ``max_cases`` cases.
-    Otherwise it extends the worst smaller sets by one sensor. It then screens ``rounds`` rounds of
-    ``population`` mutants of the worst cases, in which a sensor is exchanged or a failure moved in
-    time. Each case gets up to ``screening`` trials, and the worst ``candidates`` of a size get
-    ``trials`` fresh trials. A case stops a design in a world if the completion rate there is below
-    ``stops_below`` and below the rate without a failure.
+    If there are at most ``max_cases`` cases of a size, all sets of sensors are tried at all
+    ``times_s``. Otherwise the worst smaller sets are extended by one sensor. The search then tries
+    ``rounds`` of ``population`` mutants of the worst cases, in which a sensor or a failure time is
+    changed. Each case has up to ``screening`` trials, and the worst ``candidates`` of a size have
+    ``trials`` fresh trials. A case stops a design if the completion rate in a world is below
+    ``stops_below`` and below the rate without failures.
     """
 
     most: Annotated[int, checks.COUNT] = 6  # maximum number of failed sensors
     # when sets fail
     times_s: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.0, 40.0, 80.0)
-    latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0  # latest failure time of a mutant
+    latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0  # maximum failure time of a mutant
     max_cases: Annotated[int, checks.COUNT] = 500  # up to this number of a size, all are tried
     rounds: Annotated[int, checks.WHOLE] = 2  # rounds of mutants per size
     population: Annotated[int, checks.COUNT] = 24  # mutants per round
-    screening: Annotated[int, checks.COUNT] = 6  # trials per case, or 2 if both are completed
-    candidates: Annotated[int, checks.COUNT] = 3  # cases per size that get fresh trials
-    trials: Annotated[int, checks.COUNT] = 40  # fresh trials per candidate, and without a failure
+    screening: Annotated[int, checks.COUNT] = 6  # trials per case; 2 if both are completed
+    candidates: Annotated[int, checks.COUNT] = 3  # cases per size with fresh trials
+    trials: Annotated[int, checks.COUNT] = 40  # fresh trials per candidate, and without failures
     stops_below: Annotated[float, checks.FRACTION] = 0.5  # completion rate in a world
-    confidence: Annotated[float, CONFIDENCE] = 0.95  # applies to the finding and each interval
+    confidence: Annotated[float, CONFIDENCE] = 0.95  # level of the result and of each interval
 
     def __post_init__(self) -> None:
         if self.latest_s < min(self.times_s):
@@ -57,10 +57,10 @@ A_SEARCH = checks.instance_of(
 
 @dataclass(eq=False)
 class CaseTrials:
-    """The outcomes of a case in each world, in the order of trials."""
+    """The outcomes of a case by world, in the order of trials."""
 
     case: Case
-    number: int  # index in the order in which cases were tried
+    number: int  # index in the order of cases
     stage: str = SCREENED
     outcomes: dict[str, list[Outcome]] = field(default_factory=dict)
 
@@ -70,7 +70,7 @@ class CaseTrials:
             self.outcomes.setdefault(world, []).extend(outcomes)
 
     def count(self, world: str) -> tuple[int, int]:
-        """Return the number of completed missions in a world and the number of all missions."""
+        """Return the number of completed missions and of all missions in a world."""
         outcomes = self.outcomes[world]
         return sum(outcome.completed for outcome in outcomes), len(outcomes)
 
@@ -80,7 +80,7 @@ class CaseTrials:
         rates, progress = [], []
         for world, outcomes in self.outcomes.items():
             completed, trials = self.count(world)
-            # Two imaginary trials, one of them completed, shrink the rate toward one half.
+            # Two imaginary trials, one of them completed, move the rate toward one half.
             rates.append((completed + 1) / (trials + 2))
             done = [
                 0.0 if math.isnan(outcome.progress) else outcome.progress for outcome in outcomes
@@ -106,14 +106,14 @@ class CaseTrials:
 
 
 Try = Callable[[Sequence[CaseTrials], range], list[Mapping[str, list[Outcome]]]]
-"""Runs repeats of cases, and returns each case's outcomes by world."""
+"""Runs the given trials of cases, and returns the outcomes of each case by world."""
 
-FIRST_TRIALS = 2  # initial trials; a case that completes all of them gets no more
+FIRST_TRIALS = 2  # initial number of trials; a case that completes them has no others
 
 
 @dataclass
 class CaseSearch:
-    """The search for a design's worst cases, guided by the outcomes of missions."""
+    """The search for a design's worst cases, based on mission outcomes."""
 
     settings: WorstCases
     sensors: int
@@ -126,7 +126,7 @@ class CaseSearch:
     whole: set[int] = field(default_factory=set)  # numbers of sensors whose sets were all tried
 
     def run(self) -> list[CaseTrials]:
-        """Return the smallest cases that stop the design; empty if none does."""
+        """Return the smallest cases that stop the design; empty without any."""
         settings = self.settings
         self.nominal = CaseTrials(Case(), 0, NOMINAL)
         fresh = range(settings.screening, settings.screening + settings.trials)
@@ -202,7 +202,7 @@ class CaseSearch:
         return sorted((trials for trials in cases if len(trials.case.sensors) == size), key=_rank)
 
     def _confirm(self, ranked: Sequence[CaseTrials]) -> list[CaseTrials]:
-        """Try the worst cases on fresh draws; return the cases that stop the design."""
+        """Run the worst cases on fresh draws; return those that stop the design."""
         settings = self.settings
         new = [trials for trials in ranked if trials.lost_any and trials not in self.confirmed]
         chosen = new[: settings.candidates]
@@ -222,11 +222,11 @@ class CaseSearch:
         return trials.list_stopped(self.nominal, settings.stops_below, level)
 
     def _reduce(self, stopping: list[CaseTrials]) -> list[CaseTrials]:
-        """Remove sensors from the worst case as long as the remaining ones still stop the design.
+        """Remove sensors from the worst case while the remaining ones still stop the design.
 
         The result is 1-minimal: no case with one sensor fewer stopped the design (Zeller and
         Hildebrandt, Simplifying and isolating failure-inducing input, IEEE Transactions on Software
-        Engineering 28, 2002). If all sets were tried, the result is the smallest.
+        Engineering 28, 2002). If all sets were tried, the result is the smallest one.
         """
         case = min(stopping, key=_rank).case
         size = len(case.sensors) - 1
