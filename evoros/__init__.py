@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from evoros.session.status import Display, NoDisplay
     from evoros.storage.reading import Run, load_run
 
-    __version__: str
-    """The version from git tags; see ``evoros.files.origin``."""
+    __version__: str  # derived from git tags; see ``evoros.files.origin``
 
 # fmt: off
 __all__ = [  # noqa: RUF022 - grouped by topic

@@ -31,8 +31,7 @@ INTERVAL = "95 % confidence interval for the difference"
 ROW_IN, HEAD_IN = 0.24, 0.98
 NAME_LENGTH = 28
 TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}
-DECIDES = {NO_SENSORS: "the sensors", RANDOM: "the search"}
-"""Maps a control to what is decisive if the champion beats the control."""
+DECIDES = {NO_SENSORS: "the sensors", RANDOM: "the search"}  # decisive if the champion wins
 LITTLE = 0.9  # completion rate relative to the champion's above which a control decides little
 SHARES = ("control_completed", "champion_completed")
 FITNESS = ("control_fitness", "champion_fitness")

@@ -57,8 +57,7 @@ class Certificate:
     precision_trials: int | None
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
-    # Upper confidence bound of the best rival's advantage; NaN if unknown.
-    rival_advantage: float
+    rival_advantage: float  # upper confidence bound on the best rival's advantage; NaN: unknown
     finalists: Sequence[Finalist]  # best first; empty without a final choice
     # Completion rates of missions with a failure of another part than a sensor, by part and effect
     # (``steering: stuck``).

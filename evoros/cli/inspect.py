@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 NAME = "evoros inspect"
 DEFAULT_FOLDER = "mine"
 SIMULATOR = "simulator="
-_PLACEHOLDER = "world.NAME."
-"""Prefix of world keys in messages from file readers, which do not know the name of the world."""
+_PLACEHOLDER = "world.NAME."  # prefix of world keys in messages from readers that know no name
 DRIVE = "drive@robot.drive="
 USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
 

@@ -44,8 +44,7 @@ def jobs_at_once(workers: int) -> int:
     return 1 if workers == 1 else 2 + workers // 4
 
 
-JOBS_TOGETHER = KEPT
-"""Number of jobs that run missions together; each worker caches their experiments."""
+JOBS_TOGETHER = KEPT  # jobs that run missions together; each worker caches their experiments
 
 
 class SharedPool:

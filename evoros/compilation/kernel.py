@@ -162,11 +162,9 @@ done:
 }}
 """
 
-_HOST_ENTRY = _RUN_ROW + _EACH_ROW
-"""Runs the missions in a range of rows of ``width`` bytes, one after another."""
+_HOST_ENTRY = _RUN_ROW + _EACH_ROW  # runs the missions in a range of rows, one after another
 _GPU_ENTRY = _RUN_ROW + _ROW_OF_THREAD  # runs the mission of one row per thread
-ENTRY = "evoros_fly"
-"""The function to launch: (address of row 0, bytes per row, first row, end row)."""
+ENTRY = "evoros_fly"  # function to launch: address of row 0, bytes per row, first row, end row
 GPU = "sm_80"  # oldest GPU generation supported
 _NOT_EXACT = re.compile(
     r"llvm\.(fma|fmuladd|frem|pow|powi|exp\d*|log\d*|a?(?:sin|cos|tan)h?|atan2|ldexp|frexp)\."

@@ -31,8 +31,7 @@ SETTINGS: dict[str, Any] = {
     # Otherwise, environment variables of one process would change code that all processes load.
     **dict.fromkeys(("DISABLE_JIT", "BOUNDSCHECK"), 0),
 }
-BORROWING: dict[str, Any] = {"_nrt": False}
-"""Options for code that allocates no arrays, for which numba need not count references."""
+BORROWING: dict[str, Any] = {"_nrt": False}  # no arrays are allocated, so no references counted
 
 LOCATOR = f"{__name__}.SharedLocator"
 RULE_ROOMS = (

@@ -23,8 +23,7 @@ from evoros.config.jobs import Job, Jobs, place_job
 from evoros.config.like import EVALUATE
 from evoros.terminal.log import LOGGER
 
-RunJob = Callable[[Job], float]
-"""Picklable function that runs a job in a launcher's process and returns its fitness."""
+RunJob = Callable[[Job], float]  # runs a job in a launcher's process; returns the job's fitness
 
 
 @dataclass(frozen=True)

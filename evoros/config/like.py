@@ -15,8 +15,7 @@ from evoros.config.references import resolve
 from evoros.files.plugins import conf_folders
 from evoros.files.resources import bundled_folder, expand_home
 
-EVALUATE = "evaluate"
-"""Primary file of evaluations, the only file with the keys ``designs`` and ``like``."""
+EVALUATE = "evaluate"  # primary file of evaluations; only it has the keys ``designs`` and ``like``
 LIKE = "like"
 NAME = "recorded"  # name of the recorded values in Hydra's store
 

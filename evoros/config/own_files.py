@@ -13,8 +13,7 @@ import yaml
 from evoros.base.errors import InputError, escape
 from evoros.files.plugins import conf_folders
 
-NAMED_FOLDERS: list[Path] = []
-"""Configuration folders that the user has named in this process, and therefore trusts."""
+NAMED_FOLDERS: list[Path] = []  # folders of configuration named, and so trusted, by the user
 ROBOT, WORLD, DESIGN, EXPERIMENT = "robot", "world", "design", "experiment"
 _WIDTH = 10_000  # line width that keeps each value on one line
 

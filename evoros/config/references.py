@@ -28,8 +28,7 @@ _OUTSIDE = re.compile(
 """Keys with values that are passed to other programs."""
 _ADDRESS = re.compile(r"://[^/\s]*@")
 _HIDDEN = "${evoros.secret:}"  # unknown resolver, which keeps references from being resolved
-_Place = tuple[Any, Any, str, str]
-"""A mapping or list, and a reference in it: key or index, dotted key, and string."""
+_Place = tuple[Any, Any, str, str]  # mapping or list; key or index, dotted key and string in it
 
 
 def settle(config: DictConfig) -> tuple[str, dict[str, Any]]:

@@ -45,8 +45,7 @@ class DeadReckoning(Estimator):
     """
 
     odometry: Annotated[str, TEXT] = "odometry"  # name of the sensor type in the design
-    # name of the sensor type; None to use the yaw rate of the odometry
-    imu: Annotated[str | None, TEXT] = "imu"
+    imu: Annotated[str | None, TEXT] = "imu"  # sensor type; None: yaw rate from odometry
 
     def start_estimate(self, robot: Robot, period: float) -> tuple[Parameters, Memory]:
         """Find the readings of odometry and IMUs."""

@@ -21,8 +21,7 @@ EVOLVABLE = (
     "robot.drive.max_speed_mps",
     "robot.drive.steering_limit_rad",
 )
-MAX_EXHAUSTIVE = 10
-"""Maximum number n of genes for which all 2^n combinations of bounds are tried (0.5 s)."""
+MAX_EXHAUSTIVE = 10  # maximum number n of genes to try all 2^n combinations of bounds (0.5 s)
 _PERIOD = r"controller\.period_s|design\.sensors\.[^.]+\.period_s"
 _UNFIT = {
     _PERIOD: "must be a key other than a period (periods must be multiples of the time step)",

@@ -89,12 +89,9 @@ class OutlineRegion(protocol.RegionDescription):
     """
 
     side: Annotated[str, one_of(*SIDES)]
-    # relative to the outward normal, left positive
-    yaw_deg: Annotated[Interval, HEADING] = 0.0
-    # above the ground; None: height of the default mount
-    height_m: Annotated[Interval | None, INTERVAL] = None
-    # positive with nose up; None: pitch of the default mount
-    pitch_deg: Annotated[Interval | None, ELEVATION] = None
+    yaw_deg: Annotated[Interval, HEADING] = 0.0  # relative to the outward normal, left positive
+    height_m: Annotated[Interval | None, INTERVAL] = None  # above ground; None: the default mount's
+    pitch_deg: Annotated[Interval | None, ELEVATION] = None  # nose-up; None: the default mount's
     link: Annotated[str | None, TEXT] = None  # None: outline of the whole robot
     overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum distance outside the outline
 

@@ -13,8 +13,7 @@ from evoros.sensor.protocol import Sensor
 
 Point = tuple[float, float]
 Range = tuple[float, float]
-POSITION = ("x_m", "y_m", "z_m", "arc")
-"""Genes of a sensor's position, in order; ``arc`` is a fraction of the length of a curve."""
+POSITION = ("x_m", "y_m", "z_m", "arc")  # genes in order; ``arc`` is a fraction of a curve's length
 ANGLES = ("yaw_deg", "pitch_deg")
 
 

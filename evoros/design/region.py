@@ -21,8 +21,7 @@ from evoros.sensor.protocol import Sensor, sees
 
 CELLS = {"z_m": 2, "x_m": 12, "y_m": 12, "arc": 32, "yaw_deg": 8, "pitch_deg": 2}
 """Number of grid cells for the range of each value, in the order of the grid axes."""
-_MAX_BLIND = 0.5
-"""Maximum fraction of a sensor's channels that the robot may block; a sonar has one channel."""
+_MAX_BLIND = 0.5  # maximum fraction of a sensor's channels that the robot may block
 _MIRRORED = (1.0, -1.0, 1.0, -1.0, 1.0)  # factors that mirror a pose (x, y, z, yaw, pitch)
 
 
@@ -136,8 +135,7 @@ class Region(protocol.RegionDescription):
     y_m: Annotated[Interval, INTERVAL]
     yaw_deg: Annotated[Interval, HEADING]  # positive to the left
     z_m: Annotated[Interval | None, INTERVAL] = None  # None: height of the default mount
-    # positive with nose up; None: pitch of the default mount
-    pitch_deg: Annotated[Interval | None, ELEVATION] = None
+    pitch_deg: Annotated[Interval | None, ELEVATION] = None  # nose-up; None: the default mount's
     link: Annotated[str | None, TEXT] = None  # None: link of the default mount
     overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # maximum distance outside the outline
 
@@ -206,8 +204,7 @@ class BoundRegion:
 
     link: str
     ranges: Mapping[str, protocol.Range]
-    # x, y [m] and yaw [rad] of the link's frame in the robot's frame
-    frame: tuple[float, float, float]
+    frame: tuple[float, float, float]  # x, y [m] and yaw [rad] of the link in the robot's frame
     free: FreePlaces | None = None  # None if all places are free
 
     def place(self, values: Mapping[str, float]) -> protocol.SensorPose:

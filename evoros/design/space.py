@@ -141,8 +141,7 @@ class DesignSpace:
     robot: Robot
     regions: Mapping[str, BoundRegion]
     fixed: tuple[Mount, ...] = ()  # mounted in every design
-    # genes of the design and of other parts
-    genes: Mapping[str, Gene] = field(default_factory=dict)
+    genes: Mapping[str, Gene] = field(default_factory=dict)  # genes of design and other parts
 
     @property
     def blocks(self) -> tuple[Block, ...]:

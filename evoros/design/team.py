@@ -18,10 +18,7 @@ from evoros.sensor.protocol import Mount, add_prices
 
 @dataclass(frozen=True)
 class TeamSpace:
-    """The design spaces of a team, by robot name, concatenated into one genome.
-
-    Columns of a named robot are prefixed with its name; an invalid genome raises an InputError.
-    """
+    """The design spaces of a team, concatenated; columns have a robot's name as a prefix."""
 
     spaces: Mapping[str, DesignSpace]
 

@@ -55,8 +55,7 @@ class Ackermann:
     steering_limit_rad: Annotated[float, ANGLE]  # permitted angle of each steering joint
     max_speed_mps: Annotated[float, POSITIVE]  # speed limit at the middle of the fixed axle
     caster_links: tuple[str, ...] = ()
-    slide_m: Annotated[float, NUMBER] = 0.0
-    """Distance [m] of the turning point in front of the fixed axle, for the planar simulator."""
+    slide_m: Annotated[float, NUMBER] = 0.0  # [m] forward from the fixed axle to the turning point
     steers_rear: bool = False  # whether the rear wheels steer, as on forklifts
 
     def __post_init__(self) -> None:

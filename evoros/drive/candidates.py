@@ -12,8 +12,7 @@ from evoros.drive.rolling import Candidate, Pair, Wheel, group_shapes, measure_w
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 
-ALIGNED = elementary.cos(math.radians(5.0))
-"""Minimum cosine of the angle between parallel axes."""
+ALIGNED = elementary.cos(math.radians(5.0))  # minimum cosine between axes that are parallel
 NEARLY_ALIGNED = elementary.cos(math.radians(20.0))
 """Minimum cosine of the angle between a wheel axis and the robot's lateral axis."""
 TURNING = ("continuous", "revolute")

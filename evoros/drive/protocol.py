@@ -73,18 +73,13 @@ class Drive(Protocol):
 class DriveDescription(ABC):
     """The joints that form a drive, and the limits of the drive."""
 
-    steers: ClassVar[bool] = False
-    """True if any wheels are steered."""
+    steers: ClassVar[bool] = False  # True if some of the wheels are steered
     locks_steering: ClassVar[bool] = False
     """True if wheels on steering joints can form the drive once these are locked."""
-    on_one_axle: ClassVar[bool] = False
-    """True if casters must keep the robot level."""
-    steering_joints: Sequence[str]
-    """Steering joints; empty if nothing steers."""
-    wheel_joints: Sequence[str]
-    """Joints of all driven wheels."""
-    caster_links: Sequence[str]
-    """Links that slide on the ground."""
+    on_one_axle: ClassVar[bool] = False  # True if casters must keep the robot level
+    steering_joints: Sequence[str]  # steering joints; empty if nothing steers
+    wheel_joints: Sequence[str]  # joints of all driven wheels
+    caster_links: Sequence[str]  # links that slide on the ground
 
     @classmethod
     def recognise(
@@ -110,8 +105,7 @@ class DriveDescription(ABC):
 
 _LOG = logging.getLogger(__name__)
 
-TOLERANCE_M = 1e-3
-"""Maximum deviation [m] of a wheel's position without a warning."""
+TOLERANCE_M = 1e-3  # maximum deviation [m] of a wheel's position accepted without a warning
 TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05
 """Maximum deviation of a wheel's position: a distance [m], and a fraction of its radius."""
 TOLERATED_SKEW = 0.02  # maximum misalignment of the wheels on an axle, as a fraction of the track

@@ -122,8 +122,7 @@ class Experiment:
     draws: Annotated[str, one_of(*POLICIES)] = "generation"  # scope of shared random draws
     # distribution of trials among the designs of a generation
     allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)
-    # reaction to missions that crash or hang
-    lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP
+    lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # reaction to crashes and hangs
     # trajectories to keep
     record: Annotated[str, one_of(CHAMPION, CHAMPIONS, ALL, NONE)] = CHAMPIONS
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
@@ -133,8 +132,7 @@ class Experiment:
     walkers: Annotated[Mapping[str, Walkers], WALKERS] = field(default_factory=dict)
     objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
-    # search for worst cases in an evaluation
-    worst_cases: Annotated[WorstCases | None, A_SEARCH] = None
+    worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # search for worst cases
     # Requirements for each design in an evaluation, which ends once they are decided.
     requirements: Annotated[Mapping[str, Requirement], REQUIREMENTS] = field(default_factory=dict)
     # Random draws of an evaluation: fresh ones, or the draws of a run's validation.

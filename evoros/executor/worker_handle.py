@@ -197,8 +197,7 @@ class Limits:
 
     time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall-clock time of one attempt
     retries: Annotated[int, WHOLE] = 1  # further attempts after a crash, hang or PilotLost
-    calls_per_worker: Annotated[int | None, null_or_whole(1)] = None
-    """Number of calls after which a worker is replaced; None: unlimited."""
+    calls_per_worker: Annotated[int | None, null_or_whole(1)] = None  # calls per process; None: all
 
     def attempt(self, call: Call, worker: Worker) -> Answer:
         """Try a call until there is an answer or no retry is left."""

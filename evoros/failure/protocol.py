@@ -138,8 +138,7 @@ class Fault:
 class Failure(ABC):
     """A failure model, which draws the faults of each mission."""
 
-    effect: Filter | None = None
-    """The filter that a failure applies, also in explicitly given cases."""
+    effect: Filter | None = None  # filter that a failure applies, also in given sensor cases
 
     @property
     def parts(self) -> Sequence[str]:

@@ -19,8 +19,7 @@ from evoros.world.course import Course
 
 MAX_SLOPE = 0.25  # maximum slope, rise over run, of the ground under a course
 _MOST_CELLS = 64  # maximum number of cells per side; finer height fields are coarsened
-AROUND_M = 3.0
-"""Maximum distance of a course from the area of all obstacles, if there is no room inside."""
+AROUND_M = 3.0  # maximum distance of a course from the obstacles' area, if it has no room inside
 
 
 class Attempt(NamedTuple):

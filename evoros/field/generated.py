@@ -25,8 +25,7 @@ from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
 
-MAX_ATTEMPTS = 50
-"""Maximum number of attempts to place all obstacles."""
+MAX_ATTEMPTS = 50  # maximum number of restarts because an obstacle does not fit
 MIN_SHARE = 0.5  # minimum share of placed obstacles for another attempt
 EXTENT = checks.Rule(
     "two numbers [x, y] greater than 0",

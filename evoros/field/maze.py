@@ -19,14 +19,11 @@ from evoros.world.model import World
 
 SIDE = replace(COUNT, limit=100)
 KEEP, OPEN, FILL = "keep", "open", "fill"
-MAX_ATTEMPTS = 10_000
-"""Maximum number of mazes generated in search of a corridor through all waypoints in order."""
-OFF_CENTRE = 0.1
-"""Maximum distance of a waypoint from its cell's centre, as a fraction of the corridor width."""
+MAX_ATTEMPTS = 10_000  # maximum number of mazes drawn to find a corridor through all waypoints
+OFF_CENTRE = 0.1  # maximum distance of a waypoint from its cell's centre, in corridor widths
 Cell = tuple[int, int]  # column (along x) and row (along y)
 Doors = dict[Cell, set[Cell]]  # neighbours of each cell that share a door with it
-Run = tuple[int, int, int]
-"""A wall: the index of its grid line, and the indices of the crossing lines at its two ends."""
+Run = tuple[int, int, int]  # a wall: indices of its grid line, and of its first and last cross line
 
 
 @dataclass(frozen=True)

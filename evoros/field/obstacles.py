@@ -29,8 +29,7 @@ class ObstacleKind(ABC):
     """A random distribution of obstacles, named in the SDF by its lower-case class name."""
 
     share: float = 1.0  # relative frequency of the kind
-    mass_kg: float | None = None
-    """The mass [kg] of a movable obstacle; None for fixed obstacles."""
+    mass_kg: float | None = None  # mass [kg] of an obstacle that can be pushed; None: fixed
 
     @abstractmethod
     def draw(self, rng: Generator) -> Shape:
@@ -78,11 +77,8 @@ def _draw_size(interval: checks.Interval, rng: Generator) -> float:
 
 
 CELL_M = 0.2
+# A disc with this margin [m] at all cell centres of a path is free along the whole path.
 MARGIN_M = 0.1415
-"""Maximum distance [m] from the line between adjacent cell centres to the nearer centre.
-
-A disc that keeps this margin at all cell centres of a path collides nowhere on the path.
-"""
 
 
 class Passage:

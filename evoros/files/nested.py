@@ -13,8 +13,7 @@ from evoros.files.disk import SMALL, read_regular
 DEPTH = 100  # maximum nesting depth of objects and lists
 EXPANDED = 10**7  # maximum total length [characters] of all values with resolved references
 _IN_C: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # None in some builds of PyYAML
-_BYTE = re.compile(r"\\uDC[89A-F]", re.IGNORECASE)
-"""A YAML escape for a byte of a path that is not UTF-8; the C loader rejects it."""
+_BYTE = re.compile(r"\\uDC[89A-F]", re.IGNORECASE)  # non-UTF-8 byte; the C loader rejects it
 _REFERENCE = re.compile(r"\$\{(\.*)([^{}:]+)\}")
 
 

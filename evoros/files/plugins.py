@@ -26,8 +26,7 @@ class Subcommand:
     target: str
     arguments: str
     about: str
-    options: tuple[str, ...] = ()
-    """Long options except --help; for ``analyze``, only options common to all figures."""
+    options: tuple[str, ...] = ()  # long options except --help; for ``analyze``, of all figures
 
     def load(self) -> Callable[[Sequence[str]], int]:
         """Import the function, which maps arguments to an exit status."""

@@ -17,11 +17,7 @@ from evoros.compilation.named_rules import UNUSED, Started
 
 SIGNALS = "readings", "pose", "command", "drive", "strength"
 READINGS, POSE, COMMAND, DRIVE, STRENGTH = SIGNALS
-"""The signals of a mission in the order of their computation.
-
-They are the sensor readings, the localized pose, the controller's command, the command to the
-actuators, and the wheel strengths.
-"""
+"""Sensor readings, localized pose, command, command to actuators, and wheel strengths, in order."""
 
 
 @dataclass(frozen=True)
@@ -106,10 +102,7 @@ FILTER_RULES = {"effect": one_of(*EFFECTS), "name": TEXT}
 
 @compilable
 def add_within(value: float, amount: float, low: float, high: float) -> float:
-    """Add an error to a reading and clip the sum to the limits of the channel.
-
-    A value at ``high``, with which range sensors report that they see nothing, is unchanged.
-    """
+    """Add an error to a reading and clip it to the limits; ``high`` (nothing seen) stays."""
     return min(max(value + amount, low), high) if value < high else value
 
 

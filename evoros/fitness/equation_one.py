@@ -9,8 +9,7 @@ from evoros.fitness.protocol import AdditiveFitness
 from evoros.mission.mission import Outcome
 
 NOTHING_DONE = 1.0  # value of Eq. 1 without any progress
-COMPLETED_AT_ONCE = 8.0
-"""The value of Eq. 1 for a mission completed in no time: (1 + 1)^2 + (1 + 1)^2."""
+COMPLETED_AT_ONCE = 8.0  # value of Eq. 1 for instant completion: (1 + 1)^2 + (1 + 1)^2
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from evoros.base.checks import one_of
 from evoros.base.errors import InputError
 
-MISSING = ("error", "leave_out", "box")
-"""Options for missing models and meshes; ``box`` replaces a mesh of known size with a box."""
+MISSING = ("error", "leave_out", "box")  # missing files; ``box`` replaces a mesh of known size
 MISSING_RULE = one_of(*MISSING)
 
 

@@ -71,8 +71,7 @@ def list_notes(names: Mapping[str, Sequence[str]]) -> list[str]:
     return [f"{text}: {', '.join(items)}" for text, items in names.items() if items]
 
 
-LARGEST_RAD = 2.0 * math.pi + 0.01
-"""A full turn with a margin for rounding; an angle above is unlikely to be in radians."""
+LARGEST_RAD = 2.0 * math.pi + 0.01  # a full turn and a margin; larger angles are hardly radians
 _LOOKS = ("gui", "light", "scene", "plugin")  # elements whose poses are ignored
 
 

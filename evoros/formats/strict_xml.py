@@ -16,8 +16,7 @@ from lxml.etree import _Element as Element
 from evoros.base.errors import InputError, escape
 from evoros.geometry.shapes import Pose, normalize
 
-SOURCE = "{evoros}source"
-"""Attribute with the name of the file from which an element was read."""
+SOURCE = "{evoros}source"  # attribute that names the file of an element
 _NUMBER = re.compile(r"[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[iI][nN][fF])")
 _DEFAULT_NAMESPACE = re.compile(rb"\sxmlns\s*=")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
@@ -221,8 +220,7 @@ def _parse_flag(element: Element, text: str, subject: str) -> bool:
     return word in ("true", "1")
 
 
-HUGE = 1e9
-"""Magnitude at which a number means infinity, larger than any limit, range or friction."""
+HUGE = 1e9  # magnitude that means infinity, larger than any limit, range or friction
 
 
 class Meaning(NamedTuple):

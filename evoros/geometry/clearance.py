@@ -27,14 +27,9 @@ CLEARANCES = types.void(A2, A2, A2, A2, A1)
 SUMMARY = types.void(A2, A2, A2, A2, A2, I8, A1)
 LAST_X, LAST_Y, LAST_TOUCH, ALONG = range(4)
 WAY_SIZE = 4
-"""Size of the memory of ``add_driven``.
-
-It holds the last position [m], 1 if the robot touched an obstacle there (else 0), and the signed
-distance [m] driven along the heading in the current contact, excluding the distance already
-counted.
+"""Last position [m], 1 after a contact there, signed distance [m] along the heading in a contact.
 """
-SHAKE_M = 0.01
-"""Upper bound [m] on the jitter of a robot that drives against a wall; MuJoCo reaches 5 mm."""
+SHAKE_M = 0.01  # maximum jitter [m] of a robot that drives against a wall; MuJoCo reaches 5 mm
 
 
 class TrackSummary(NamedTuple):
@@ -62,8 +57,7 @@ def summarize_track(
 def compute_clearances(outline: Array, poses: Array, obstacles: Sequence[Footprint]) -> Array:
     """Return the distance (t,) [m] to the nearest obstacle at each pose of a robot; 0 on contact.
 
-    ``outline`` (k, 2) [m] is convex and counter-clockwise, in the robot's frame; ``poses`` (t, 3)
-    are x [m], y [m] and yaw [rad] of that frame. The distance is infinite without obstacles.
+    The arguments are as in ``summarize_track``; the distance is infinite without obstacles.
     """
     outlines, result = Outlines.of(obstacles), np.empty(len(poses))
     arrays = (poses, outline, outlines.rows, outlines.corners)
@@ -97,10 +91,7 @@ def fill_summary(
 
 @compilable
 def add_driven(way: Array, x: float, y: float, yaw: float, touching: bool) -> float:
-    """Return the distance [m] driven to x, y, and store this position in ``way`` (WAY_SIZE,).
-
-    During a contact, motion counts only along the heading, and only beyond ``SHAKE_M``.
-    """
+    """Return the distance [m] driven; in a contact, only along the heading, beyond ``SHAKE_M``."""
     dx, dy = x - way[LAST_X], y - way[LAST_Y]
     stays = touching and way[LAST_TOUCH] > 0.0
     way[LAST_X], way[LAST_Y], way[LAST_TOUCH] = x, y, 1.0 if touching else 0.0
@@ -128,11 +119,7 @@ def fill_clearances(
 
 @compilable
 def _min_clearance(track: Array, outline: Array, rows: Array, corners: Array) -> float:
-    """Return the minimum clearance over all poses, computing only a few clearances.
-
-    Between two poses, no point of the robot moves farther than the origin's distance plus the reach
-    times the turn, which bounds the decrease of the clearance.
-    """
+    """Return the minimum clearance, skipping poses too near the last one to be closer."""
     reach = _reach(outline)
     placed = outline.copy()
     smallest = math.inf

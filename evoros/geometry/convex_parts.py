@@ -16,8 +16,7 @@ from evoros.base.arrays import Array, product
 from evoros.geometry.hull import make_hull
 from evoros.geometry.triangles import Surface, find_normals, separate
 
-Plane = tuple[Array, float]
-"""A plane's unit normal (3,), and its offset [m] from the origin along the normal."""
+Plane = tuple[Array, float]  # unit normal (3,), and offset [m] from the origin along it
 TOLERANCE_M = 0.02  # maximum deviation from the surface that is ignored
 _SUSPECTS = 64  # maximum number of faces examined in concave regions
 _FINE = 300  # number of faces above which fewer cuts are tried

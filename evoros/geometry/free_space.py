@@ -132,24 +132,14 @@ DIRECTIONS = (
     *((x, y) for x in (-1, 1) for y in (-1, 1)),
 )
 """Sixteen directions, about 22.5 deg apart, as (x, y) steps."""
-SHELTERED = 13
-"""Minimum number of blocked directions of a position between walls; an outer corner has twelve."""
-WALLED = 0.7
-"""Minimum fraction of obstacles on an enclosed region's border; doors and gaps are the rest."""
+SHELTERED = 13  # minimum number of blocked directions between walls; outer corners have twelve
+WALLED = 0.7  # minimum fraction of obstacles on an enclosed region's border; the rest is doors
+# minimum fraction of all free cells or of all enclosed cells, and of all free cells in any case
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
-"""Minimum sizes of an enclosed region; sheds in a field and houses in a town are smaller.
-
-The region must cover the first fraction of all free cells or the second of all enclosed cells, and
-always the third of all free cells.
-"""
 
 
 def find_enclosed(free: Cells) -> Cells | None:
-    """Return the largest enclosed region of free cells, or None if there is none.
-
-    A free cell is sheltered if nearly all directions from the cell end at a blocked cell. Obstacles
-    make up most of the border of an enclosed region, such as a room with doors.
-    """
+    """Return the largest sheltered region with walls around it, such as a room; None if none."""
     blocked = np.sum([_look(free, x, y) for x, y in DIRECTIONS], axis=0)
     regions, total = label_regions(free & (blocked >= SHELTERED)), float(free.sum())
     sizes = np.bincount(regions.ravel())

@@ -12,8 +12,7 @@ from evoros.base.compilable import compilable
 from evoros.geometry.footprint import Footprint, distances, find_bounds
 
 CELL_M = 1.0
-MAX_CELLS = 250_000
-"""Maximum number of cells; the cells are larger in a world with obstacles far apart."""
+MAX_CELLS = 250_000  # maximum number; if obstacles are far apart, cells are larger
 
 # A flat array of GRID_SIZE values describes the grid.
 ORIGIN_X, ORIGIN_Y, CELL, COLUMNS, ROWS = range(5)

@@ -18,8 +18,7 @@ from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_planes, placed_corners
 from evoros.geometry.shapes import Pose, Shape
 
-_EXACT_M = 1e-4
-"""Tolerance [m]: a depth is exact if no point of the shapes lies farther beyond the face."""
+_EXACT_M = 1e-4  # tolerance [m]: a depth is exact if the shapes reach no farther beyond the face
 _EXACT = 0.02  # the tolerance for deep overlaps, as a fraction of the depth
 _ROUNDS = 50  # maximum number of refinements; most pairs need fewer than ten
 _AT_ONCE = 8  # number of faces refined at a time

@@ -120,8 +120,7 @@ def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float
     return sign * length, sign * nearest_x / length, sign * nearest_y / length
 
 
-EDGE_TOLERANCE_M = 1e-4
-"""Corners at most this far behind the foremost corner belong to the touching edge."""
+EDGE_TOLERANCE_M = 1e-4  # maximum distance of a touching edge's corners behind the foremost
 
 
 @compilable

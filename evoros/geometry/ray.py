@@ -9,19 +9,14 @@ from evoros.base.compilable import compilable
 KIND, AT_X, AT_Y, AT_Z, BOUND, ROTATION = range(6)
 """Kind; centre and radius [m] of the footprint's bounding circle; rotation matrix (3, 3)."""
 EXTENT = ROTATION + 9
-"""Half lengths [m] of a box; radius and half length of a cylinder; radius of a sphere.
-
-For a polyhedron: the index of its first face in the array of faces, and the index after its last
-face.
-"""
+"""Box: half lengths [m]; cylinder: radius, half length; sphere: radius; polyhedron: face range."""
 OBSTACLE_SIZE = EXTENT + 3
 BOX, CYLINDER, SPHERE, CONVEX = 0.0, 1.0, 2.0, 3.0
 Frame = tuple[float, float, float, float, float, float, float, float, float]
 """The rows of a rotation matrix."""
 Point = tuple[float, float, float]  # x, y, z [m]
 MARGIN_M = 1e-9  # upper bound [m] on rounding errors of distances
-FACE_SIZE = 4
-"""Number of values of a face: outward normal (3,), and distance [m] from the solid's origin."""
+FACE_SIZE = 4  # values of a face: outward normal (3,), and distance [m] from the solid's origin
 
 
 @compilable

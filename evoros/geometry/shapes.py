@@ -232,8 +232,7 @@ class Body:
     shapes: Annotated[tuple[Shape, ...], checks.sequence_of(Shape, "shapes")]
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
     friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of the surface
-    inertia: Annotated[Vector | None, _numbers(3)] = None
-    """Principal moments [kg m2] about the axes of ``pose``; None for homogeneous shapes."""
+    inertia: Annotated[Vector | None, _numbers(3)] = None  # [kg m2], principal; None: homogeneous
     floor: bool = False  # whether robots drive on this fixed body, such as a box
 
     def __post_init__(self) -> None:

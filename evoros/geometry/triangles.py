@@ -58,8 +58,7 @@ def _have_area(points: Array, faces: Indices) -> NDArray[np.bool_]:
 def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
     """Replace the points in each cube of ``cell`` [m] with their mean.
 
-    Return the surface of the faces that still have an area, the indices of these faces, and the
-    maximum displacement [m] of a point.
+    Return the faces that still have an area, their indices, and the maximum displacement [m].
     """
     _, indices = unique_rows(np.floor(surface.points / cell))
     sums = np.stack([np.bincount(indices, column) for column in surface.points.T], axis=1)
@@ -141,10 +140,7 @@ def orient(surface: Surface) -> Surface:
 
 
 def separate(surface: Surface) -> Surface | None:
-    """Return a closed surface facing outwards, with points duplicated where parts only touch.
-
-    Return None if the surface is not closed or cannot be oriented.
-    """
+    """Return the surface facing outwards, with touching parts separated; None if not closed."""
     found = _separate(surface)
     if found is None:
         return None

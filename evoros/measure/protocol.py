@@ -27,12 +27,10 @@ class Evaluated:
     """A design and the results of its missions."""
 
     design: Design
-    robots: Mapping[str, Robot]
-    """The equipped robots with their own designs by name; "" is the first robot."""
+    robots: Mapping[str, Robot]  # robots with separate designs, by name; "" is the first robot
     trials: Sequence[Sequence[Outcomes]]  # outcomes in each world, trial by trial
     fitness: float
-    # scores a trial with the experiment's fitness function
-    score: Callable[[Sequence[Outcomes]], float]
+    score: Callable[[Sequence[Outcomes]], float]  # scores a trial by the fitness function
 
     def robot(self, name: str) -> Robot:
         """Return a robot by name; raise an InputError if the name is unknown."""
@@ -49,12 +47,9 @@ class Measure(ABC):
 
     title: str  # name in figures
     unit: str = ""  # unit in figures; empty if dimensionless
-    bounds: Sequence[float]
-    """The range that an archive divides into cells; values may be outside."""
-    direction: str = MAXIMIZE
-    """The direction of optimization for an objective, ``maximize`` or ``minimize``."""
-    of_design: bool = False
-    """True if the measure depends on the design alone, and can be checked before a run."""
+    bounds: Sequence[float]  # minimum and maximum in an archive; designs may lie outside
+    direction: str = MAXIMIZE  # direction of optimization, ``maximize`` or ``minimize``
+    of_design: bool = False  # True if it depends on the design alone; checked before a run
 
     @abstractmethod
     def compute(self, evaluated: Evaluated) -> float:

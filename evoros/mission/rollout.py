@@ -23,8 +23,7 @@ from evoros.mission.setup import Setup
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import PlacedRobot, Simulation
 
-Rollout: TypeAlias = tuple[Outcomes, Array]
-"""The outcomes of a mission, and its trajectory; ``Scenario.name_columns`` names the columns."""
+Rollout: TypeAlias = tuple[Outcomes, Array]  # outcomes and trajectory (``Scenario.name_columns``)
 
 
 class RefusedDesign(InputError):

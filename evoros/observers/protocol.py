@@ -63,8 +63,7 @@ class ObservedRun:
         return None if self.sweep is None else Path(self.sweep).name
 
 
-Send: TypeAlias = Callable[[ObservedRun], None]
-"""Sends new records to the tracker; called after each new record."""
+Send: TypeAlias = Callable[[ObservedRun], None]  # sends new records to the tracker, after each one
 
 
 class Observer(ABC):

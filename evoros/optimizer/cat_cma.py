@@ -8,11 +8,11 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, WHOLE, checked
+from evoros.base.checks import checked
 from evoros.base.errors import require_extra
 from evoros.optimizer.cma_es import POPULATION, Strategies
 from evoros.optimizer.history import FitnessSearch, draw_seed, list_categories, place_level
-from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
+from evoros.optimizer.protocol import BundledOptimizer, Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
     from cmaes import CatCMAwM
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 @checked
-class CatCma(Optimizer):
+class CatCma(BundledOptimizer):
     """CatCMA with margin, from the package ``cmaes``.
 
     Regions and sensor types are categorical, sensor counts and other whole numbers are integers,
@@ -30,8 +30,6 @@ class CatCma(Optimizer):
     """
 
     population_size: Annotated[int, POPULATION] = 16
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

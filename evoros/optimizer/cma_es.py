@@ -9,10 +9,10 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, FLAG, FRACTION, WHOLE, checked, is_whole
+from evoros.base.checks import COUNT, FLAG, FRACTION, checked, is_whole
 from evoros.base.errors import require_extra
 from evoros.optimizer.history import FitnessSearch, History, draw_seed
-from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
+from evoros.optimizer.protocol import BundledOptimizer, Goals, Search, Space, require_genes
 
 FEW = 4
 POPULATION = replace(
@@ -24,7 +24,7 @@ POPULATION = replace(
 
 @dataclass(frozen=True)
 @checked
-class CmaEs(Optimizer):
+class CmaEs(BundledOptimizer):
     """The covariance matrix adaptation evolution strategy, from the package ``cmaes``.
 
     All genes are treated as continuous; ``CatCma`` is better suited to regions and whole numbers.
@@ -35,8 +35,6 @@ class CmaEs(Optimizer):
     """
 
     population_size: Annotated[int, POPULATION] = 16
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     sigma: Annotated[float, FRACTION] = 0.3  # initial standard deviation, relative to the ranges
     adapt_rates: Annotated[bool, FLAG] = False
     packages = ("cmaes",)

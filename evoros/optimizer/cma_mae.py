@@ -7,11 +7,11 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, FRACTION, PROBABILITY, WHOLE, checked, invalid
+from evoros.base.checks import COUNT, FRACTION, PROBABILITY, checked, invalid
 from evoros.base.errors import require_extra
 from evoros.optimizer.cma_es import FEW
 from evoros.optimizer.history import CELLS, ArchiveSearch, History, create_archive, draw_seed
-from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
+from evoros.optimizer.protocol import BundledOptimizer, Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
     from ribs.schedulers import Scheduler
@@ -21,7 +21,7 @@ MARGIN = 1e-9  # margin by which the first generation exceeds the initial thresh
 
 @dataclass(frozen=True)
 @checked
-class CmaMae(Optimizer):
+class CmaMae(BundledOptimizer):
     """Covariance matrix adaptation MAP-annealing, from the package ``ribs``.
 
     Several strategies propose designs in each generation, searching for a fitness above the
@@ -33,8 +33,6 @@ class CmaMae(Optimizer):
     """
 
     population_size: Annotated[int, COUNT] = 32
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     strategies: Annotated[int, COUNT] = 2
     sigma: Annotated[float, FRACTION] = 0.2  # initial standard deviation, relative to the ranges

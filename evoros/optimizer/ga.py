@@ -9,14 +9,14 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, FRACTION, PROBABILITY, WHOLE, checked, one_of
+from evoros.base.checks import COUNT, FRACTION, PROBABILITY, checked, one_of
 from evoros.optimizer.history import freeze
 from evoros.optimizer.protocol import (
     Aspect,
+    BundledOptimizer,
     Candidate,
     Goals,
     Individual,
-    Optimizer,
     Score,
     Search,
     Space,
@@ -27,7 +27,7 @@ from evoros.optimizer.protocol import (
 
 @dataclass(frozen=True)
 @checked
-class GeneticAlgorithm(Optimizer):
+class GeneticAlgorithm(BundledOptimizer):
     """A genetic algorithm: tournaments, crossover between blocks, mutation of aspects, one elite.
 
     In each generation, tournaments in the population fill a parent pool of the same size.
@@ -39,11 +39,9 @@ class GeneticAlgorithm(Optimizer):
     """
 
     population_size: Annotated[int, COUNT] = 30
-    generations: Annotated[int, COUNT] = 25  # includes the random initial generation
     mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     # width of the interval for redrawing a mutated gene, relative to the range of the gene
     mutation_step: Annotated[float, FRACTION] = 1.0
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"

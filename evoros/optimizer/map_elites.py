@@ -7,7 +7,7 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, NOT_NEGATIVE, PROBABILITY, WHOLE, checked
+from evoros.base.checks import COUNT, NOT_NEGATIVE, PROBABILITY, checked
 from evoros.base.errors import require_extra
 from evoros.optimizer.history import (
     CELLS,
@@ -17,12 +17,12 @@ from evoros.optimizer.history import (
     draw_seed,
     list_categories,
 )
-from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
+from evoros.optimizer.protocol import BundledOptimizer, Goals, Search, Space, require_genes
 
 
 @dataclass(frozen=True)
 @checked
-class MapElites(Optimizer):
+class MapElites(BundledOptimizer):
     """MAP-Elites with the iso+line operator, from the package ``ribs``.
 
     The first generation is random. Later generations perturb elites with normal noise and along the
@@ -33,8 +33,6 @@ class MapElites(Optimizer):
     """
 
     population_size: Annotated[int, COUNT] = 32
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
     line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # relative to the distance to the other elite

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.checks import COUNT, POSITIVE, PROBABILITY, WHOLE, checked, is_whole
+from evoros.base.checks import COUNT, POSITIVE, PROBABILITY, checked, is_whole
 from evoros.base.errors import InputError, require_extra
 from evoros.optimizer import protocol
 from evoros.optimizer.history import History, draw_seed
@@ -22,7 +22,7 @@ POPULATION = replace(
 
 @dataclass(frozen=True)
 @checked
-class Nsga2(protocol.Optimizer):
+class Nsga2(protocol.BundledOptimizer):
     """NSGA-II, from the package ``pymoo``, which keeps nondominated designs.
 
     The operators are simulated binary crossover and polynomial mutation. A larger distribution
@@ -32,8 +32,6 @@ class Nsga2(protocol.Optimizer):
     """
 
     population_size: Annotated[int, POPULATION] = 32
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     crossover_probability: Annotated[float, PROBABILITY] = 0.9  # per pair of parents
     crossover_index: Annotated[float, POSITIVE] = 15.0
     mutation_index: Annotated[float, POSITIVE] = 20.0

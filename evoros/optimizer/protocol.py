@@ -4,14 +4,14 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.checks import Rule, ask
+from evoros.base.checks import COUNT, WHOLE, Rule, ask
 from evoros.base.errors import InputError
 
 
@@ -166,8 +166,7 @@ class Optimizer(ABC):
     generations: int  # number of generations of a run, including the first
     validation_trials: int
     """The number of fresh trials per generation for its best design; 0 for none."""
-    packages: Sequence[str] = ()
-    """The packages on which the search depends; runs record their versions."""
+    packages: Sequence[str] = ()  # packages of the search; a run records their versions
 
     @abstractmethod
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
@@ -177,6 +176,14 @@ class Optimizer(ABC):
             InputError: the optimizer does not support this space or these goals, or a package that
                 it needs is not installed.
         """
+
+
+@dataclass(frozen=True, kw_only=True)
+class BundledOptimizer(Optimizer):
+    """An optimizer with the settings that all bundled ones share."""
+
+    generations: Annotated[int, COUNT] = 25  # including the first generation
+    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design
 
 
 def require_genes(space: Space) -> None:

@@ -6,19 +6,17 @@ from typing import Annotated
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, WHOLE, checked
+from evoros.base.checks import COUNT, checked
 from evoros.optimizer.history import FitnessSearch, FixedSampler
-from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
+from evoros.optimizer.protocol import BundledOptimizer, Goals, Search, Space
 
 
 @dataclass(frozen=True)
 @checked
-class RandomSearch(Optimizer):
+class RandomSearch(BundledOptimizer):
     """Draws each generation uniformly from the whole space; keeps the best design."""
 
     population_size: Annotated[int, COUNT] = 16
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
 

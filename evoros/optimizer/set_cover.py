@@ -25,7 +25,7 @@ Indices: TypeAlias = NDArray[np.intp]
 
 @dataclass(frozen=True)
 @checked
-class SetCover(protocol.Optimizer):
+class SetCover(protocol.BundledOptimizer):
     """Covers a sector ahead, and evolves the rest of the design by the genetic algorithm.
 
     From random candidate places, an integer program selects the cheapest set that still sees every
@@ -37,8 +37,6 @@ class SetCover(protocol.Optimizer):
     """
 
     population_size: Annotated[int, COUNT] = 30
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     # width of the sector; None: the widest that sensors can cover
     width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
     failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # number of failures that a cover tolerates
@@ -57,7 +55,7 @@ class SetCover(protocol.Optimizer):
             )
         bodies = self._draw_bodies(space, rng)
         remaining = _Remaining(space, bodies)
-        genetic = GeneticAlgorithm(self.population_size, self.generations)
+        genetic = GeneticAlgorithm(self.population_size)
         return _CoverSearch(remaining, genetic.start(remaining, goals, rng))
 
     def _draw_bodies(self, space: protocol.CoveringSpace, rng: Generator) -> list[Array]:

@@ -8,10 +8,10 @@ from numpy.random import Generator
 from scipy.stats import qmc
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, WHOLE, checked
+from evoros.base.checks import COUNT, checked
 from evoros.base.errors import InputError
 from evoros.optimizer.history import FitnessSearch, FixedSampler
-from evoros.optimizer.protocol import Goals, Optimizer, Search, Space
+from evoros.optimizer.protocol import BundledOptimizer, Goals, Search, Space
 
 BLOCK = 512  # number of points per draw; a power of two keeps the sequence balanced
 MOST_GENES: int = qmc.Sobol.MAXDIM
@@ -19,7 +19,7 @@ MOST_GENES: int = qmc.Sobol.MAXDIM
 
 @dataclass(frozen=True)
 @checked
-class Sobol(Optimizer):
+class Sobol(BundledOptimizer):
     """Evaluates the designs of a scrambled Sobol' sequence in order; keeps the best.
 
     I. M. Sobol', USSR Computational Mathematics and Mathematical Physics 7 (4), 1967; A. B. Owen,
@@ -27,8 +27,6 @@ class Sobol(Optimizer):
     """
 
     population_size: Annotated[int, COUNT] = 16
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
     packages = ("scipy",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

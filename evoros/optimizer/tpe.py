@@ -11,10 +11,10 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, WHOLE, checked
+from evoros.base.checks import COUNT, checked
 from evoros.base.errors import require_extra
 from evoros.optimizer.history import FitnessSearch, History, draw_seed, list_categories, place_level
-from evoros.optimizer.protocol import Goals, Optimizer, Search, Space, require_genes
+from evoros.optimizer.protocol import BundledOptimizer, Goals, Search, Space, require_genes
 
 if TYPE_CHECKING:
     import optuna
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 @checked
-class Tpe(Optimizer):
+class Tpe(BundledOptimizer):
     """The multivariate tree-structured Parzen estimator, from the package ``optuna``.
 
     Regions and sensor types are categorical, and whole numbers are integers. The designs of a
@@ -32,10 +32,7 @@ class Tpe(Optimizer):
     """
 
     population_size: Annotated[int, COUNT] = 16
-    generations: Annotated[int, COUNT] = 25
-    validation_trials: Annotated[int, WHOLE] = 5  # fresh trials per generation for its best design
-    # number of random designs at the start; the first generation is always random
-    random_first: Annotated[int, COUNT] = 16
+    random_first: Annotated[int, COUNT] = 16  # random designs at first, at least a generation
     packages = ("optuna",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

@@ -21,11 +21,9 @@ FIRM_GRIP_MPS2 = 8.0  # lateral acceleration [m/s2] above which wheels slip on c
 MAX_HALVINGS = 5
 FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 RIGHT = ", in which the robot moves as commanded"
-SOFT = (0.6, 0.5)
-"""Impedances of softer ground, on which the wheels of most hopping robots stay down."""
+SOFT = (0.6, 0.5)  # impedances of softer ground, which keeps wheels of hopping robots down
 
-Change = tuple[str, Setting, Simulator]
-"""The text of an advice, and the resulting robot and engine."""
+Change = tuple[str, Setting, Simulator]  # advice, and the resulting robot and engine
 
 
 def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:

@@ -186,8 +186,7 @@ def check_workers(experiment: Experiment) -> Iterator[str]:
 _LOG = logging.getLogger(__name__)
 
 MAX_TRAJECTORY_BYTES = 2**30  # maximum memory [bytes] for the trajectory of a mission
-Check = Callable[[Experiment], Iterator[str] | None]
-"""Yields warnings; raises an InputError that names the key."""
+Check = Callable[[Experiment], Iterator[str] | None]  # yields warnings; raises InputErrors
 RobotCheck = Callable[[scene.Subject], Iterator[str] | None]
 
 

@@ -26,15 +26,10 @@ from evoros.world.floors import ground_height
 from evoros.world.model import World
 from evoros.world.standing import GAP_M, join_areas, standing_obstacles
 
-_STANDING_IN = 0.1
-"""Fraction by which the outline shrinks when testing whether a robot is in an obstacle."""
+_STANDING_IN = 0.1  # fraction by which the outline shrinks to test if a robot is in an obstacle
 _MOVE = "move the body, or home (course.home_x_m, course.home_y_m)"
 STEP_M = 0.25  # distance [m] between sampled points of the route
-MAX_RATIO = 3.0
-"""Maximum ratio of the avoidance range to the median free space along the route.
-
-The ratio is 2.5 in ``world=dense``, in which the designs evolved in the studies still progress.
-"""
+MAX_RATIO = 3.0  # maximum ratio of avoidance range to free space; 2.5 in world=dense still works
 FIT_RATIO = 2.0  # ratio suggested in warnings
 CELL_M = 0.1  # cell size [m] of the search grid
 MAX_CELLS = 400  # maximum number of cells per side of the grid

@@ -87,10 +87,7 @@ def _propose_masks(robots: Sequence[Robot]) -> Iterator[str]:
 
 
 def check_gaps(subject: Subject) -> Iterator[str]:
-    """Yield a warning for each sensor type whose rays can miss the narrowest obstacle.
-
-    The fraction of readings that hit it is its width divided by the gap between two rays.
-    """
+    """Yield a warning for each sensor type whose rays can miss the narrowest obstacle."""
     worlds, height = subject.scenario.world.values(), subject.member.robot.height_m
     width, body = min(chain.from_iterable(_list_widths(w, height) for w in worlds), default=(0, ""))
     key, limit = find_avoidance_range(subject.member.controller) or ("", NEAR_M)

@@ -54,8 +54,7 @@ class TrialDrive(NamedTuple):
     """The measured motion of a robot in an engine, relative to the commands."""
 
     rest: Rest
-    shares: Mapping[Manoeuvre, float]
-    """The measured speed, or yaw rate in turns, divided by the commanded value."""
+    shares: Mapping[Manoeuvre, float]  # speed, or yaw rate in a turn, relative to the command
 
 
 PLUMB = Lidar(

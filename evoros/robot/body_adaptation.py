@@ -19,8 +19,7 @@ from evoros.formats.urdf.solids import SolidsReader, simplify
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
-GROUND_LINK = "evoros_ground"
-"""Root link added to a robot whose root link is not on the ground between the wheels."""
+GROUND_LINK = "evoros_ground"  # added root link, on the ground between the wheels
 _MIN_CLEARANCE_M = 0.02  # minimum ground clearance of a hull that replaces collision shapes
 _MIN_SHARE = 0.4  # minimum fraction of the area between the wheels covered by the body
 

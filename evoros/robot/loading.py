@@ -53,8 +53,7 @@ class AdaptedRobot:
     elements: Element
     urdf: Urdf
     drive: DriveDescription
-    exposed_casters: Mapping[str, str]
-    """The original link of each split-off sliding part, keyed by the part's new link."""
+    exposed_casters: Mapping[str, str]  # original links of split-off sliding parts, by new link
 
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:

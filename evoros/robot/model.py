@@ -76,8 +76,7 @@ class Robot:
     solids: tuple[SolidShape, ...] = ()  # collision shapes of links that do not roll
     chosen_mount: tuple[str, ...] = ()  # keys of the default mount whose values evoros chose
     reserved_names: frozenset[str] = frozenset()  # names of all links and joints
-    exposed_links: frozenset[str] = frozenset()
-    """Wheels and casters outside the outline of the body, which obstacles can touch."""
+    exposed_links: frozenset[str] = frozenset()  # wheels and casters that can touch obstacles
     engine_urdf: UrdfDocument | None = None
     """The description for engines, if it differs from ``base_urdf``.
 

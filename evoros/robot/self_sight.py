@@ -15,10 +15,8 @@ from evoros.robot.model import DIRECTION, HOUSING, LIMIT, ORIGIN, Robot, lay_out
 from evoros.robot.outline import OccluderRows
 from evoros.sensor.protocol import Mount, RangeSensor, sees
 
-SURFACE_M = 1e-3
-"""Maximum depth [m] of a sensor below a shape's surface that counts as on the surface."""
-MAX_DIRECTIONS = 36
-"""Maximum number of directions sampled per scanning sensor when checking many poses."""
+SURFACE_M = 1e-3  # maximum depth [m] below a shape's surface that counts as on the surface
+MAX_DIRECTIONS = 36  # maximum number of directions per scanner when checking many poses
 _OUTSIDE_M = 100.0  # distance [m] at which every ray has left the robot
 
 

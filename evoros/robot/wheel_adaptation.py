@@ -24,8 +24,7 @@ _STRAIGHT = 1.0 - 1e-8
 MOTOR_VELOCITY = 100.0  # [rad/s], maximum velocity limit of a joint
 
 
-Assumptions = defaultdict[str, list[str]]
-"""Names of the joints and links for each assumption made about them."""
+Assumptions = defaultdict[str, list[str]]  # joints and links by assumption about them
 _REVERSED = "joint axes that point right or down are reversed"
 
 

@@ -63,12 +63,10 @@ BOX = checks.Rule(
 BEAM = checks.Rule(
     "an angle greater than 0 and less than 180", lambda v: checks.is_number(v) and 0 < v < 180
 )
-RAY_DEG = 1.0
-"""Width [deg] assumed for the coverage of single rays and narrow beams, drawn as lines."""
+RAY_DEG = 1.0  # coverage [deg] of a ray or a narrower beam, which figures show as a line
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
 """Quantities measured by sensors: range, motion of the mount, rolling of wheels, contact."""
-SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
-"""Number of values of each signal; ``signals`` describes the values."""
+SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}  # values per signal; see ``signals``
 SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
 """Possible arguments of a signal sensor's ``rule``, which fills ``values`` at ``time`` [s]."""
 
@@ -89,8 +87,7 @@ class Sensor(ABC):
     measures: str  # measured quantity: ``range`` for a ``RangeSensor``, otherwise a signal
     filters: Mapping[str, Filter] = MappingProxyType({})
     """Filters by name, in the order of application to the readings, noise first."""
-    size_m: Sequence[float]
-    """Side lengths (3,) [m] of the body: a box centred on the sensor frame that never collides."""
+    size_m: Sequence[float]  # side lengths (3,) [m] of a centred box that never collides
     mass_kg: float  # mass [kg] of the body, positive because simulators drop massless bodies
     price: float = 0.0  # price, at least 0, in any unit
 
@@ -154,8 +151,7 @@ class ContactSensor(SignalSensor):
     """
 
     measures = CONTACT
-    width_m: float
-    """Width [m] of the zone, which is centred on the mount."""
+    width_m: float  # distance [m] between the zone's edges, centred on the mount
     depth_m: float  # distance [m] from the mount back to the start of the zone
 
 

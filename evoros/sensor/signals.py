@@ -2,19 +2,13 @@
 
 # MOTION: the motion of the mounted sensor's frame
 POSITION, ORIENTATION, VELOCITY, TURNING, GRAVITY = 0, 3, 7, 10, 13
-"""Indices of the values in MOTION.
-
-Position (3,) [m] and orientation (4,), a unit quaternion w, x, y, z, both in the world; velocity
-(3,) [m/s] and angular velocity (3,) [rad/s], both along world axes; gravity [m/s2] of the world,
-which points down.
+"""Position in the world (3,) [m]; orientation in the world (4,), w, x, y, z; velocity (3,) [m/s]
+and angular velocity (3,) [rad/s], both along the world axes; gravity [m/s2], downwards.
 """
 
 # WHEELS: rolling of the unsteered wheels since the start, including slip
 DISTANCE, TURN = 0, 1
-"""Indices of the values in WHEELS, both computed as if wheels did not slip.
-
-Distance [m] driven by the midpoint of the unsteered axle, and rotation [rad, left positive] of the
-robot.
+"""Distance [m] of the unsteered axle's midpoint, and rotation [rad, left positive], without slip.
 """
 
 # CONTACT: contacts of the robot in the zone of a ``ContactSensor``

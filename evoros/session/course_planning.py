@@ -32,10 +32,8 @@ from evoros.world.standing import stand
 
 HEADROOM_M = 0.1  # minimum vertical clearance between the robot and a body above its course
 
-FLOOR_SHARE = 0.05
-"""Minimum fraction of a world's bounding box that level tops at one height cover in a floor."""
-MANY = 20_000
-"""Number of shapes, as in a city, above which the first valid course is chosen to save time."""
+FLOOR_SHARE = 0.05  # minimum fraction of the world's bounding box that a floor covers
+MANY = 20_000  # shapes, as in a city, above which the first valid course is chosen
 
 
 @dataclass(frozen=True)

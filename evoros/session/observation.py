@@ -123,8 +123,7 @@ def _to_seconds(date: object) -> float:
     return datetime.fromisoformat(date).timestamp() if isinstance(date, str) else 0.0
 
 
-Tell: TypeAlias = Callable[[int], None]
-"""Notifies a run's observers of the number of recorded generations."""
+Tell: TypeAlias = Callable[[int], None]  # tells observers the number of generations
 
 
 def ignore(generations: int) -> None:

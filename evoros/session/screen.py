@@ -16,8 +16,7 @@ from evoros.terminal.log import LOGGER, attach, detach, format_for_terminal, sil
 if TYPE_CHECKING:
     from rich.console import Console
 
-Line: TypeAlias = Callable[[int], str]
-"""Returns the current line in at most the given number of characters."""
+Line: TypeAlias = Callable[[int], str]  # returns a line of at most this number of characters
 
 SEPARATOR = " | "
 NOTEBOOK_WIDTH = 100

@@ -39,8 +39,7 @@ class WorstCaseRun:
     settings: WorstCases
     designs: Sequence[NamedDesign]
     rates: Sequence[Mapping[str, float]]  # fraction of completed trials per design, by world
-    # number of conditions per design; worst cases are numbered from here
-    conditions: Sequence[int]
+    conditions: Sequence[int]  # number per design; worst cases are numbered from here
     folder: RunFolder
     dispatcher: Dispatcher
     status: Status

@@ -16,8 +16,7 @@ from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
 from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
-MAX_STEP_S = 0.025
-"""Maximum step [s] for rover motion within 1 % of its kinematics (docs/fidelity.md)."""
+MAX_STEP_S = 0.025  # maximum step [s] for motion within 1 % of the kinematics (docs/fidelity.md)
 
 MOST_MOVABLE = 5000
 """Maximum number of movable bodies; MuJoCo compiles 5,000 in 5 s per design, 20,000 in 112 s."""

@@ -61,10 +61,8 @@ class Simulator(ABC):
     """
     versions: Mapping[str, str] = MappingProxyType({})
     """Versions of libraries unknown to pip, by name, for the manifest."""
-    measures: Collection[str] = (RANGE,)
-    """The quantities that the simulator can measure; see ``evoros.sensor.protocol``."""
-    max_robots: int = 1
-    """Maximum number of robots in a world; robots can detect and touch each other."""
+    measures: Collection[str] = (RANGE,)  # quantities to measure; see ``evoros.sensor.protocol``
+    max_robots: int = 1  # maximum number of robots, which can detect and touch each other
     has_walkers: bool = False
     """True if the simulator moves walkers (``evoros.walkers``), which robots detect and touch.
 

@@ -27,8 +27,7 @@ from evoros.simulator.engines.teams import MAX_ROBOTS, check_number, doubt_skidd
 from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.model import World
 
-MAX_STEP_S = 0.025
-"""Maximum step [s] for motion within 1 % of the finest step (docs/simulation.md)."""
+MAX_STEP_S = 0.025  # maximum step [s] for motion within 1 % of the finest (docs/simulation.md)
 
 IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 

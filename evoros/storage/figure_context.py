@@ -103,8 +103,7 @@ class Beam:
     range_min_m: float
     range_max_m: float
     period_s: float  # sampling period
-    bearings_deg: tuple[float, ...] = ()
-    """Bearing of each range in the sensor frame, left positive; empty for a single range."""
+    bearings_deg: tuple[float, ...] = ()  # each range's, left positive; empty if single
     radiation: str = "ultrasound"  # radiation type in ROS messages
     price: float = 0.0
 

@@ -82,8 +82,7 @@ RUN, EVALUATE = "evoros", "evoros evaluate"
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
 DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 """Files with the given designs of an evaluation, complete and independent of their sources."""
-ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
-"""Files that determine, with the manifest, all other files; a search has only the first."""
+ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)  # they and the manifest determine the other files
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"  # description loaded by engines, if not ``robot.urdf``
 SELF_SIGHT = "self_sight.csv"  # the champion's sensors that see the robot
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"  # states in ``status.json``

@@ -16,8 +16,7 @@ from evoros.terminal.log import LOGGER, escape_control, log_to_terminal, silence
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130  # STOPPED: resumable run; INPUT: unusable input
 NOT_MET, NOT_DECIDED = 3, 4  # evaluations with a violated or an undecided requirement
 DIFFERENT = 1  # the compared folders, missions or rows are different
-Command = Callable[[Sequence[str]], int]
-"""A function that runs a command with its arguments and returns the exit status."""
+Command = Callable[[Sequence[str]], int]  # runs a command; returns the exit status
 
 
 def run_main(command: Command) -> NoReturn:

@@ -16,8 +16,7 @@ from evoros.testing.part import PartSuite, bits
 
 TICKS, PERIOD_S = 5, 0.1
 SEEDS = range(10)
-READINGS = (0.3, 1.7, 4.5, np.nan)
-"""Four readings [m] of a sonar: two in range, one at the maximum, one missing."""
+READINGS = (0.3, 1.7, 4.5, np.nan)  # [m]: two in range, a sonar's maximum, and a missing one
 
 
 class RuleCase(NamedTuple):
@@ -53,8 +52,7 @@ class RuleSuite(PartSuite):
 
     signature: ClassVar[Any]  # numba signature of this kind of rule
     fills: ClassVar[str]  # name of the argument that the rule may change
-    compiles: ClassVar[bool] = True
-    """False if the rule cannot be compiled, for example because it raises errors."""
+    compiles: ClassVar[bool] = True  # False if it cannot be compiled, as it raises errors
 
     def start_rules(self, part: Any, seed: int) -> Sequence[RuleCase]:
         """Start the part's rules for one mission."""

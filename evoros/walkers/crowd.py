@@ -14,8 +14,7 @@ from evoros.base.packing import pack
 from evoros.walkers import layout as at
 from evoros.walkers.layout import REPORT_SIZE, Walk, Walking
 
-MOST_WALKERS = 200
-"""Maximum number of walkers in a group; in each step, each walker interacts with all others."""
+MOST_WALKERS = 200  # maximum per group; at every step, each interacts with all others
 
 
 def _interval(text: str, holds: Callable[[Any], bool]) -> checks.Rule:
@@ -54,8 +53,7 @@ class SocialForce:
 
     relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time constant of the desired speed
     repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # strength of walkers' potential
-    # distance over which the potential falls to 1/e
-    range_m: Annotated[float, checks.POSITIVE] = 0.3
+    range_m: Annotated[float, checks.POSITIVE] = 0.3  # distance in which the potential falls to 1/e
     border_repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 10.0  # potential of obstacles
     border_range_m: Annotated[float, checks.POSITIVE] = 0.2
 
@@ -80,8 +78,7 @@ class Walkers:
     stops_for_robots: Annotated[bool, checks.FLAG] = False
     # gap at which a walker stops for a robot
     stop_distance_m: Annotated[float, checks.POSITIVE] = 1.0
-    # time after which a waiting walker goes around a robot
-    patience_s: Annotated[float, checks.NOT_NEGATIVE] = 10.0
+    patience_s: Annotated[float, checks.NOT_NEGATIVE] = 10.0  # maximum wait for a robot
     force: Annotated[SocialForce, checks.instance_of(SocialForce, "forces (SocialForce)")] = field(
         default_factory=SocialForce
     )

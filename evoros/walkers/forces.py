@@ -16,12 +16,10 @@ from evoros.geometry.polygon import find_border
 from evoros.walkers import layout as at
 from evoros.walkers.layout import Walk, Walking
 
-AHEAD_M = 1.0
-"""Distance [m] along the leg to the target point, which leads a walker back to its leg."""
+AHEAD_M = 1.0  # distance along the leg to the point that a walker heads for, to return to the leg
 REACHED_M, PASSED_M = 0.3, 1.0
 """Distances [m] at which a walker has reached a corner, before and after passing it."""
-FOREIGN_REACH_M = 2.5
-"""Distance [m] beyond which obstacles are ignored; their potential has fallen to e**-12."""
+FOREIGN_REACH_M = 2.5  # distance [m] at which an obstacle's potential has fallen to e**-12
 STRIDE_S = 2.0  # [s], time ahead for which others stay out of a walker's path, as in the paper
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
 """The cosine of half the field of view (100 degrees), and the weight of forces from behind."""

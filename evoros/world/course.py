@@ -28,11 +28,9 @@ class Course:
     home_z_m: Annotated[float, checks.NOT_NEGATIVE]  # height of the robot's base frame at the start
     home_yaw_rad: Annotated[float, checks.NUMBER]
     waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # corners [m], without home
-    # radius [m] within which a waypoint is reached
-    acceptance_m: Annotated[float, checks.POSITIVE]
+    acceptance_m: Annotated[float, checks.POSITIVE]  # radius [m] at which a waypoint is reached
     time_limit_s: Annotated[float, checks.POSITIVE]
-    direction: Annotated[str, DIRECTION]
-    """Direction of the first phase; ``parity`` means forward in even rounds."""
+    direction: Annotated[str, DIRECTION]  # first phase's; ``parity``: forward in even rounds
     end_on_collision: Annotated[bool, checks.FLAG]
 
     def __post_init__(self) -> None:

@@ -1,7 +1,4 @@
-"""Floors, which are surfaces that carry a course, and the height of the ground.
-
-Floors are fixed bodies with a level top at the height of home, which becomes z = 0.
-"""
+"""Floors (fixed bodies with a level top at home's height, made z = 0), and the ground's height."""
 
 import logging
 import math

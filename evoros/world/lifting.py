@@ -17,12 +17,7 @@ from evoros.geometry.polyhedron import hull_planes, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
 
-SLACK_M = 0.002
-"""Maximum overlap [m] left to the engines, which treat it as a contact.
-
-Engines separate bodies at up to 100 times the overlap per second; for 2 mm, that is about the final
-speed of a fall from 2 mm. Robots can also drive over obstacles of this height.
-"""
+SLACK_M = 0.002  # maximum overlap [m] left to engines, which part bodies as fast as a 2 mm fall
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +133,7 @@ def _heights_above(points: Array, planes: Array) -> list[float]:
     return heights
 
 
-_STEEP = 1.5
-"""Maximum ratio of the lift to the shortest separation at which a body is lifted clear.
-
-Otherwise, bodies that overlap sideways would end up on top of each other.
-"""
+_STEEP = 1.5  # maximum ratio of lift to shortest separation; above, bodies would be stacked
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,11 +152,7 @@ class _Near(NamedTuple):
 
 
 def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]) -> Lifts:
-    """Find the lifts of movable bodies, from the lowest body to the highest.
-
-    Bodies are lifted out of the ground, in which they are ``sunk`` [m], and out of their supports,
-    together with all bodies on top.
-    """
+    """Find lifts out of the ground (``sunk`` [m] deep) and supports, from the lowest body on."""
     shapes = {
         i: np.flatnonzero(solids.body == i).tolist()
         for i, body in enumerate(bodies)

@@ -34,10 +34,7 @@ _Pairs = dict[tuple[int, int], float]
 
 
 def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
-    """Return the bodies, changed so that no movable body overlaps the ground or a body.
-
-    Bodies are lifted out of the ground and their supports, joined to each other, or fixed if stuck.
-    """
+    """Lift, join or fix movable bodies so that none overlaps the ground or another body."""
     if all(body.mass is None for body in bodies):
         return tuple(bodies)
     solids = Solids.of(bodies)

@@ -20,12 +20,7 @@ from evoros.world.course import A_COURSE, Course
 from evoros.world.floors import MAT_M, check_planes, ground_height, has_level_ground
 
 LENGTH = Rule("a positive length, or null", lambda v: v is None or POSITIVE.holds(v))
-KEPT_WORLDS = 512
-"""Maximum size of caches with worlds as keys.
-
-Missions may use many worlds in turn, such as the 300 of BARN. A world with its outlines takes about
-0.15 MB.
-"""
+KEPT_WORLDS = 512  # cached worlds, such as the 300 of BARN, with outlines of 0.15 MB each
 LOW_M = 0.3  # minimum ground clearance [m] of an obstacle below which waypoints are allowed
 
 

@@ -155,13 +155,12 @@ def world_arrays(world: World, height: float, touch: float, see: float) -> tuple
 def obstacle_arrays(
     bodies: Sequence[Body], height: float, touch: float, see: float
 ) -> tuple[Array, ...]:
-    """Return the arrays of obstacles for a robot of height ``height`` [m].
+    """Return the arrays of obstacles for a robot of this height [m].
 
-    The robot can touch obstacles within ``touch`` [m] of its origin, and detect obstacles within
-    ``see`` [m]. The arrays are the grid (see ``evoros.geometry.grid``); for contact, starts and
-    entries of the grid cells, and rows and corners of ``outlines``; for rays (see
-    ``evoros.geometry.ray``), starts and entries of the grid cells, rows of all obstacles, and faces
-    of their polyhedra.
+    It touches obstacles within ``touch`` [m] of its origin, and sees them within ``see`` [m]. In
+    order: the grid; for contact, the starts and entries of its cells, rows and corners of
+    ``outlines``; for rays (``evoros.geometry.ray``), the starts and entries, the rows and the
+    faces.
     """
     solids = [solid for body in bodies for solid in body.placed if solid[0].kind != "plane"]
     rows, faces, visible = sight_rows(solids)

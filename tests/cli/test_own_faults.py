@@ -33,7 +33,7 @@ class Mine(Mass):
 
 class Search:
     def __init__(self, *arguments):
-        self.search = RandomSearch(2, 1, 0).start(*arguments)
+        self.search = RandomSearch(2, generations=1, validation_trials=0).start(*arguments)
 
     def ask(self):
         return self.search.ask()

@@ -239,7 +239,11 @@ def test_regions_and_numbers_are_levels_to_cat_cma_and_tpe() -> None:
 
 def test_sobol_designs_are_a_prefix_of_one_sequence_that_halves_every_range_evenly() -> None:
     few, many = (
-        [one for asked, _ in run(Sobol(size, 256 // size), THREE_SENSORS, 1, flat) for one in asked]
+        [
+            one
+            for asked, _ in run(Sobol(size, generations=256 // size), THREE_SENSORS, 1, flat)
+            for one in asked
+        ]
         for size in (16, 64)
     )
     assert [one.genome.tobytes() for one in few] == [one.genome.tobytes() for one in many]

@@ -24,10 +24,8 @@ from evoros.geometry.polyhedron import decompose, placed_corners
 from evoros.geometry.shapes import MeshFile, Pose, Shape, Vector
 from evoros.terminal.activity import announce
 
-_MINUTE = 1.2e7
-"""Work on meshes (see ``divide_mesh``) that takes one core about a minute."""
-REACH_M = 30.0
-"""Distance [m] from the course beyond which meshes stay coarse, times ``mesh_effort`` above 1."""
+_MINUTE = 1.2e7  # work on meshes (see ``divide_mesh``) that takes one core a minute
+REACH_M = 30.0  # distance [m] from the course, times ``mesh_effort`` > 1, where meshes stay coarse
 HIGH_M = 0.6  # height [m] above which few robots reach or see
 
 

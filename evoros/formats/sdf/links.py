@@ -33,8 +33,7 @@ class Inertia:
     moments: Array | None  # (3, 3) [kg m2] about the axes of ``pose``; None if not given
 
 
-Weights = Iterable[tuple[Shape, Pose, float]]
-"""Shapes with their world poses and densities [kg/m3]."""
+Weights = Iterable[tuple[Shape, Pose, float]]  # shapes, world poses and densities [kg/m3]
 
 
 def read_inertia(

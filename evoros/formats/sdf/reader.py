@@ -247,8 +247,7 @@ def _place_meshes(models: Sequence[Element], frames: Frames) -> Iterator[tuple[E
 def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body]:
     """Build the bodies of a top-level model; links connected by joints form one body."""
     links: list[Link] = []
-    # Each link points to the link that represents its body; () is the ground.
-    parents: dict[Path, Path] = {}
+    parents: dict[Path, Path] = {}  # each link's link that represents its body; (): the ground
     models = list(_walk_models(model, (), False))
     for path, element, static in models:
         for child in element.findall("link"):

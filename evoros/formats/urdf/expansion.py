@@ -106,8 +106,7 @@ def _fill_placeholders(
     return parse(filled.encode(), str(file))
 
 
-EXPANDED = " (expanded)"
-"""Suffix of the name of a description whose line numbers are not its file's."""
+EXPANDED = " (expanded)"  # suffix of names whose line numbers are not the file's
 _MESH_SCHEMES = ("package://", "model://", "file://")
 
 

@@ -24,8 +24,7 @@ _MANIFESTS = ("package.xml", "manifest.xml")
 """Manifest files of a package; the older, from before 2012, does not state the package name."""
 _IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
 _SPACES = ("src", "install", "devel")  # folders of packages in a workspace
-_INDEX = "ament_index/resource_index/packages"
-"""Folder in ``share`` with an empty file for each installed package."""
+_INDEX = "ament_index/resource_index/packages"  # folder in ``share``: a file per package
 _FIND = re.compile(r"\$\(find(?:-pkg-share)? +([^)$\s]+)\)/([^\"'<>$]+)")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")

@@ -113,8 +113,7 @@ LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
 RANGE_FINDER = "multizone"  # sensor type of a range finder with a single ray (one zone)
 _RAYS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
 _KINDS = {"contact": BUMPER, "imu": IMU, "sonar": SONAR}
-_RANGE_PLUGIN = "range"
-"""Part of the file name of the ROS plugin that publishes the nearest of all rays."""
+_RANGE_PLUGIN = "range"  # part of the file name of ROS's plugin for the nearest of all rays
 _FULL_TURN = 2.0 * math.pi
 _LEAST_FIELD = 1e-8  # width [rad] below which a scan is a single ray
 
@@ -127,8 +126,7 @@ class DescribedSensor:
     kind: str  # LIDAR, RANGE_FINDER, SONAR, BUMPER or IMU
     link: str
     pose: Pose  # link frame
-    settings: Mapping[str, float]
-    """Values in the description by field, such as ``range_max_m`` or ``noise.sigma_m``."""
+    settings: Mapping[str, float]  # values by field, such as ``range_max_m`` or ``noise.sigma_m``
     notes: tuple[str, ...] = ()  # differences from the description
     place: str = ""  # file and line
 

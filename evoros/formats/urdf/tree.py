@@ -15,8 +15,7 @@ from evoros.formats.urdf.parts import Joint, parse_numbers, read_joint, read_sha
 from evoros.geometry.shapes import Pose, Shape
 
 _COEFFICIENTS = ("mu", "mu1", "mu2")
-_NO_SURFACES = ("plugin", "sensor")
-"""Children of ``<gazebo>`` with arbitrary keys, which may look like surface settings."""
+_NO_SURFACES = ("plugin", "sensor")  # children of ``<gazebo>`` with arbitrary keys
 
 
 @dataclass(frozen=True)

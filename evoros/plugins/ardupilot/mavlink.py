@@ -13,8 +13,7 @@ from evoros.base.errors import LaunchError, require_extra
 from evoros.bridge.process import OutsideProcess
 
 AUTOPILOT = (1, 1)
-GROUND_STATION = (255, 190)
-"""System and component id of the ground station; only system 255 may override the radio."""
+GROUND_STATION = (255, 190)  # system and component id; only system 255 may override the radio
 ARMED = 128
 RELEASED, UNCHANGED = 0, 65535
 STEERING_CHANNEL, THROTTLE_CHANNEL = 1, 3

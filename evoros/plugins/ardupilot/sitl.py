@@ -135,8 +135,7 @@ class SitlFrames:
         )
 
 
-CLAIM = "\0evoros core {}"
-"""An abstract Linux socket address, which needs no file and is released with the socket."""
+CLAIM = "\0evoros core {}"  # abstract Linux socket address: no file, released with the socket
 PROCESSOR = 36  # field of /proc/.../stat with the core, counted after the name in parentheses
 
 

@@ -138,12 +138,10 @@ def measure_way(way: Sequence[Sequence[float]]) -> float:
 
 
 PATHS = "path_files"
-_PATH_ORIGIN_M = (-4.575, 5.075)
-"""Position of cell (0, 0) in a path file, as in the run.py of the challenge."""
+_PATH_ORIGIN_M = (-4.575, 5.075)  # position of cell (0, 0) in a path file, as in run.py
 WORLD_NAME = "barn"
 RADIUS_M, HEIGHT_M = 0.075, 1.0  # size of each cylinder
-WALL_COLUMNS = 34
-"""Length, in cells, of both walls at the start, which end at the first column."""
+WALL_COLUMNS = 34  # length, in cells, of both walls from the start to the first column
 BATCH, MAX_BATCHES = 32, 2000
 """Number of grids generated per batch, and maximum number of batches without a corridor."""
 

@@ -29,8 +29,7 @@ from evoros.executor.protocol import ONE_THREAD, RAISED, Answer
 from evoros.files.resources import PACKAGE
 from evoros.plugins.clusters.companion import Stop
 
-ENGINES = ("mujoco-core", "pybullet")
-"""Packages that some runs use; if installed on both sides, the versions must match."""
+ENGINES = ("mujoco-core", "pybullet")  # optional packages whose versions must match on both sides
 ARITHMETIC, LIBRARY = "arithmetic", "C library"
 SAMPLES = 256  # number of points at which elementary functions are compared
 UNARY = (

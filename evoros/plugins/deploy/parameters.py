@@ -194,11 +194,10 @@ def _round(metres: float) -> float:
 def write_ardupilot_file(
     finders: Iterable[RangeFinder], head: Iterable[str], flown: Iterable[str], metres: bool
 ) -> str:
-    """Return the content of a parameter file.
+    """Return a parameter file with comment lines ``head``; ``flown`` lines come last.
 
-    If ``metres``, write ranges as ``_MIN`` and ``_MAX`` in metres for ArduPilot 4.7 and later,
-    otherwise as ``_MIN_CM`` and ``_MAX_CM`` in whole centimetres. ``head`` holds comment lines,
-    ``flown`` lines to append.
+    If ``metres`` (ArduPilot 4.7 and later), ranges are _MIN and _MAX [m], otherwise _MIN_CM and
+    _MAX_CM.
     """
     lines = [f"# {line}" if line else "#" for line in head]
     for finder in finders:

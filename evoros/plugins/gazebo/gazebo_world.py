@@ -31,10 +31,7 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M
 
 GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
-"""Collision groups of the server.
-
-Solid shapes collide with obstacles, walkers and the ground; rolling shapes collide only with the
-ground.
+"""Collision groups: solid shapes meet obstacles, walkers and ground; rolling ones only the ground.
 """
 
 _GEOMETRY = {
@@ -123,8 +120,7 @@ def _triangulate(field: Shape) -> tuple[Array, NDArray[np.intp]]:
     return points.reshape(-1, 3), np.concatenate([lower, upper])
 
 
-LIGHT = Inertial(1e-6, Pose(), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
-"""Inertia given to massless links, because DART requires positive masses."""
+LIGHT = Inertial(1e-6, Pose(), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))  # massless links; DART needs mass
 
 _TYPES = {"continuous": "revolute"} | {name: name for name in ("fixed", "revolute", "prismatic")}
 

@@ -1,7 +1,6 @@
 """Rigid-body physics with Gazebo's library and DART, in a separate process.
 
-Rays are cast in a MuJoCo model of the world, because Gazebo's ray casting is missing or returns
-NaN.
+Rays are cast in a MuJoCo model, because Gazebo's ray casting is missing or returns NaN.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -76,10 +75,8 @@ class GazeboSight:
 
 
 POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13), 13, 14
-"""The values of a robot in an answer.
-
-In this order: pose of the root link (x, y, z, w, i, j, k), velocity [m/s], angular velocity
-[rad/s], 1 after a contact since the last answer, and wheel and steering angles [rad].
+"""A robot in an answer: pose of the root link (x, y, z, w, i, j, k), velocity [m/s], angular
+velocity [rad/s], 1 after a contact since the last answer, wheel and steering angles [rad].
 """
 BODY_SIZE = 7  # number of values of a movable body's pose
 ROBOT, STEP, SHAPE, OTHER, AT = 0, 1, 2, 3, slice(4, 6)
@@ -223,11 +220,9 @@ class Vehicle:
         self._touched = self._touched or values[self.start + TOUCHED] > 0.0
 
 
-MAX_STEP_S = 0.025
-"""Maximum step [s] for rover motion within 1 % of its kinematics (``docs/fidelity.md``)."""
+MAX_STEP_S = 0.025  # maximum step [s] for motion within 1 % of the kinematics (docs/fidelity.md)
 
-MOST_MOVABLE = 500
-"""Maximum number of movable bodies; each takes DART 25 us per step, even at rest."""
+MOST_MOVABLE = 500  # maximum number of movable bodies; each takes DART 25 us per step
 
 _RAYS = Settings(time_step=0.01, wheel_friction=1.0, steering_lag_s=0.0)
 """Settings of the ray-casting model, in which nothing moves on its own."""
@@ -243,8 +238,7 @@ class Gazebo(Simulator):
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.005  # [s]
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # limited by the friction of the ground
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
-    answer_limit_s: Annotated[float, POSITIVE] = 60.0
-    """Wall-clock limit [s] for a control period and for opening a world."""
+    answer_limit_s: Annotated[float, POSITIVE] = 60.0  # [s] per control period, or to open a world
     versions: Mapping[str, str] = field(
         init=False, compare=False, default_factory=lambda: find_library().versions
     )

@@ -11,8 +11,7 @@ from evoros.base.errors import require_extra, single_line
 from evoros.compilation.device import Bytes, DeviceError, DeviceFull, Memory
 from evoros.compilation.kernel import ENTRY, target_gpu
 
-THREADS = 32
-"""Missions per block, one per thread; small blocks spread even a few missions over the GPU."""
+THREADS = 32  # missions per block, one per thread; small blocks spread few missions over the GPU
 _FULL = "CUDA_ERROR_OUT_OF_MEMORY"
 FIXES = {
     _FULL: "free some of the GPU's memory, or reduce executor.workers",

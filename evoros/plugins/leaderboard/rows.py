@@ -30,8 +30,7 @@ TASKS: Mapping[str, int] = {  # maximum number of missions per run, excluding va
 GROUPS = ("optimizer", "allocation", "final_choice")
 SEARCH = (*GROUPS, "trials", "draws", "seed", "objectives", "descriptors", "treatment")
 """Keys, or prefixes of keys, that a search may set."""
-TRIALS = "optimizer.validation_trials"
-"""The only optimizer key that the task fixes, because the score depends on it."""
+TRIALS = "optimizer.validation_trials"  # fixed by the task, because the score depends on it
 FREE = (*protocol.FREE, "figures", "record")  # keys that do not affect missions
 HASHED = (
     *(MISSIONS, "generations/*.csv"),

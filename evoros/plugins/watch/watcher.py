@@ -45,8 +45,7 @@ FIRST = ("Progress", "Player", "Figures")  # sections at the top of the page
 class Flights:
     """Reruns the missions of the current best design of the best unfinished run.
 
-    Only runs of this user on this machine are considered, because their code is executed here
-    anyway.
+    Only this user's runs on this machine count, because their code is executed here anyway.
     """
 
     _flown: dict[Key, Markup] = field(default_factory=dict)

@@ -32,12 +32,8 @@ CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitin
 
 
 SLIDING = (0.1, 1.0)
-"""Time constant [s] and damping ratio with which friction stops sliding bodies.
-
-The engine lifts a sliding body in proportion to its speed and in inverse proportion to this time
-constant. With the two steps used for other contacts, a box pushed at 0.3 m/s would hover 12 mm
-above the ground, or hop. Wheels roll and need the two steps: with 0.1 s, a rover would lose 1 cm at
-each start.
+"""Time constant [s] and damping ratio of friction on sliding bodies, which lifts them inversely.
+With two steps, as for rolling wheels, a box pushed at 0.3 m/s would hover by 12 mm, or hop.
 """
 
 
@@ -175,11 +171,10 @@ def _add_field(spec: Any, name: str, shape: Shape) -> str:
 def add_ground_pairs(
     spec: Any, soles: Iterable[Sole], slides: dict[str, Any], rolls: dict[str, Any]
 ) -> None:
-    """Let shapes collide with the ground.
+    """Let shapes collide with the ground, by contact parameters of sliding and rolling shapes.
 
-    Friction is the product of both coefficients, as in PyBullet, because with the larger one,
-    wheels would grip on ice. ``slides`` and ``rolls`` are contact parameters of sliding and of
-    rolling shapes.
+    Friction is the product of both coefficients, as in PyBullet; with the larger, wheels would grip
+    on ice.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in product(soles, grounds):

@@ -22,25 +22,19 @@ from evoros.world.model import World
 KEPT = 4  # number of cached models; each trial simulates one design in every world
 
 IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
-"""Impedance of contacts and motors (``solimp``).
-
-Values at zero and at full depth, full depth [m], midpoint and power of the curve. With the engine's
-default (0.9, 0.95), a rover would sink by 1 mm and roll 0.2 % too slowly.
+"""Values at zero and full depth, full depth [m], midpoint and power of the impedance (``solimp``).
+With the default (0.9, 0.95), a rover would sink by 1 mm and roll 0.2 % too slowly.
 """
 
 SKIDDING = (0.2, 1.0)
-"""Time constant [s] and damping ratio of the friction on slipping skid-steer wheels.
-
-Stiff friction stops a slipping wheel within one step and lifts it. The robot then hops between
-pairs of wheels, and its turns are up to a half too small or a third too large. The friction set
-here grows with slip speed up to 0.2 m/s, which keeps the wheels on the ground. As a side effect,
-the robot creeps at 1 cm/s on a slope of 0.1 rad.
+"""Time constant [s] and damping ratio of friction on slipping skid-steer wheels. Stiff friction
+makes a robot hop between pairs of wheels and turn by up to a half too little; this keeps the wheels
+down, but lets it creep at 1 cm/s on a slope of 0.1 rad.
 """
 
 TOLERANCE = 1e-12  # tolerance of the solver, relative to a mean inertia dominated by the rotors
 
-FEW_MOVABLE = 1000
-"""Maximum number of movable bodies with the engine's default memory, 1.8 GB (6.4 GB for 2,000)."""
+FEW_MOVABLE = 1000  # maximum number of movable bodies with the default memory, 1.8 GB
 
 MEMORY, MEMORY_PER_BODY, MEMORY_PER_PAIR = 1 << 26, 1 << 16, 8
 """Terms of the smaller memory set here [bytes]; boxes at rest use 8,000 per body and 4 per pair."""

@@ -54,8 +54,7 @@ class MujocoSignals(RigidSignals):
         self.touch(points[(pairs == pair).all(axis=1)] for pair in np.unique(pairs, axis=0))
 
 
-HARMLESS = "Linesearch"
-"""First word of warnings about a truncated solver step, which the next step corrects."""
+HARMLESS = "Linesearch"  # warnings of truncated solver steps, which the next step corrects
 _PLACE = re.compile(r" at DOF (\d+)")
 """Matches the degree of freedom named in a warning."""
 

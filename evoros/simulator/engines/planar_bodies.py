@@ -68,11 +68,7 @@ def _describe(body: Body, parts: tuple[Part, ...]) -> Pushable:
 
 
 def _friction_arm(areas: Sequence[footprint.Footprint], centre: Array) -> float:
-    """Return the mean distance [m] from a body's supports to its centre of mass.
-
-    This is the ratio of maximum friction moment to maximum force if all corners carry the same
-    load, as in engines.
-    """
+    """Return the mean distance [m] of supports from the centre of mass, as moment over force."""
     arms = [np.linalg.norm(area.vertices - centre, axis=1) for area in areas]
     rims = [area.radius for area in areas]
     points = [math.hypot(a, rim) for arm, rim in zip(arms, rims, strict=True) for a in arm.tolist()]
@@ -80,17 +76,13 @@ def _friction_arm(areas: Sequence[footprint.Footprint], centre: Array) -> float:
 
 
 START_X, START_Y, BODY_RADIUS, ARM_SQUARED, FRICTION, LOAD, FIRST_PART, END_PART = range(8)
-"""Columns of a body.
-
-Initial centre of mass [m]; radius about it [m]; squared friction arm [m2]; friction coefficient;
-friction coefficient times mass [kg]; index of the first part; index after the last part.
+"""Columns of a body: centre of mass [m]; radius about it [m]; squared friction arm [m2]; friction
+coefficient, and times mass [kg]; index of the first part, and after the last.
 """
 BODY_SIZE = 8
 RADIUS, START, END, BOTTOM, TOP = range(5)
-"""Columns of a part.
-
-Radius around the corners [m], index of the first corner, index after the last corner, heights of
-the lowest and the highest point [m].
+"""Columns of a part: radius around the corners [m], index of the first corner, and after the last,
+heights of the lowest and highest point [m].
 """
 PART_SIZE = 5
 FIXED_BOTTOM, FIXED_TOP = footprint.FOOTPRINT_SIZE, footprint.FOOTPRINT_SIZE + 1
@@ -98,10 +90,7 @@ FIXED_BOTTOM, FIXED_TOP = footprint.FOOTPRINT_SIZE, footprint.FOOTPRINT_SIZE + 1
 FIXED_SIZE = footprint.FOOTPRINT_SIZE + 2
 
 BODY_X, BODY_Y, BODY_COS, BODY_SIN = range(4)
-"""Columns of a body's pose.
-
-Centre of mass [m]; cosine and sine of the rotation since the start.
-"""
+"""Columns of a body's pose: centre of mass [m]; cosine and sine of the rotation since the start."""
 POSE_SIZE = 4
 
 PlanarPose: TypeAlias = tuple[float, float, float, float]

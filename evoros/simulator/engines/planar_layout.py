@@ -19,10 +19,7 @@ from evoros.simulator.engines.rays import ZONE_SIZE, Beam, find_zones
 
 PLACE = 0  # first column of every probe, the index of its signal
 FRAME, GRAVITY = 1, 8
-"""Columns of a motion probe.
-
-Position (3,) [m] and quaternion (4,) of the frame; gravity [m/s2].
-"""
+"""Columns of a motion probe: the frame's position (3,) [m] and quaternion (4,); gravity [m/s2]."""
 MOTION_PROBE_SIZE = 9
 ZONE = 1  # first column of the zone of a contact probe
 CONTACT_PROBE_SIZE = ZONE + ZONE_SIZE
@@ -64,18 +61,14 @@ def _face(yaw: float, pitch: float) -> tuple[float, float, float, float]:
 
 # A row of BEAMS with these columns is a beam, the rays of one channel of a sensor.
 ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
-"""Columns of BEAMS.
-
-Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; index of the first ray and after
-the last; outward unit normals (2,) of the left and right edges, 0 without edges.
+"""Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; index of the first ray and
+after the last; outward unit normals (2,) of the left and right edges, 0 without edges.
 """
 BEAM_SIZE = 11
 
 # A row of GROUPS with these columns is a group of beams.
 FIRST_BEAM, END_BEAM, BEARING, SPACING, REACH = range(5)
-"""Columns of GROUPS.
-
-Index of the first beam and after the last; bearing of the first beam and spacing [rad], left
+"""Index of the first beam and after the last; bearing of the first beam and spacing [rad], left
 positive, or zeros unless the beams are single, evenly spaced rays from one origin; maximum range
 without obstacles [m].
 """
@@ -83,18 +76,14 @@ GROUP_SIZE = 5
 _UNEVEN_RAD = 1e-9
 
 STEERING_ANGLE, CURVATURE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 6)
-"""Columns of the motion of a robot after its state.
-
-Steering angle [rad], curvature [1/m], distance [m] and rotation [rad] of the rear axle since the
-start, cosine and sine of the yaw.
+"""Columns of motion after the state: steering angle [rad], curvature [1/m], distance [m] and
+rotation [rad] of the rear axle since the start, cosine and sine of the yaw.
 """
 MOTION_SIZE = STATE_SIZE + 6
 
 HULL, SIGHT, PROBES, SIGNALS, CORNERS, TOUCHES, SHAPES = range(7)
-"""Columns of ``places``.
-
-Start indices of a robot in ``hulls``, ``sights`` and ``probes``, and of its signals, outline
-corners, touches and shapes.
+"""Columns of ``places``: start indices in ``hulls``, ``sights`` and ``probes``, and of a robot's
+signals, outline corners, touches and shapes.
 """
 PLACES = 7
 
@@ -107,8 +96,7 @@ class Drive(NamedTuple):
     steering_mean: float  # mean curvature over a step: 0 is the initial, 1 the final value
     speed_mean: float  # mean speed over a step, in the same form
     max_speed: float  # [m/s]
-    # [m], lateral distance from the rear axle's centre to the point that limits the speed
-    speed_limit_offset: float
+    speed_limit_offset: float  # [m], offset of the point that limits the speed from the axle
     steering_limit: float  # [rad]
     wheelbase: float  # [m]
     rear_axle_x: float  # [m]

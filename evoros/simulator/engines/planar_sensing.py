@@ -17,8 +17,7 @@ from evoros.simulator.engines.rays import see_parts_at
 
 FULL_TURN = 2.0 * math.pi
 
-UNSURE_RAD = 1e-4
-"""Angle by which ``find_span`` widens a circle, larger than its errors and uneven spacing."""
+UNSURE_RAD = 1e-4  # widens circles in ``find_span``, beyond its errors and uneven spacing
 
 
 @compilable
@@ -215,11 +214,7 @@ def cast_fan(
 
 @compilable
 def find_span(fan: Fan, x: float, y: float, radius: float) -> tuple[float, float]:
-    """Return the index range of the beams in an evenly spaced group that may hit a circle.
-
-    (x, y) [m] is the centre relative to the origin of the beams. The range may be shifted by a full
-    turn.
-    """
+    """Return the beams' index range, up to a full turn off, that a circle at x, y [m] may block."""
     squared = x * x + y * y
     if squared <= radius * radius:
         return 0.0, float(fan.end_beam - fan.first_beam)

@@ -21,9 +21,8 @@ from evoros.world.standing import GAP_M
 def split_body(body: Body) -> Iterator[tuple[Pose, tuple[Shape, ...]]]:
     """Yield the world pose and the shapes of each engine body that represents a world body.
 
-    Each polyhedron of a fixed body becomes a separate engine body, which requires no file. So does
-    each height field, because the engine puts its origin midway between its lowest and highest
-    point.
+    Polyhedra of fixed bodies, which then need no file, and height fields, whose origin the engine
+    puts at their middle height, become separate bodies.
     """
     kinds = {shape.kind for shape in body.shapes}
     if body.mass is not None or not kinds & {"convex", "heightfield"}:
@@ -115,10 +114,7 @@ def load_urdf(bullet: Any, urdf: str, frame: Frame, flags: int) -> int:
 
 
 def _format_urdf(urdf: str, folder: Path) -> str:
-    """Return the URDF of a robot in the form that the engine reads.
-
-    ``<convex corners=...>`` elements become files in ``folder``; lines stay below 8,191 characters.
-    """
+    """Return a URDF with ``<convex>`` as files in ``folder`` and lines below 8,191 characters."""
     root = etree.fromstring(urdf.encode())
     for index, element in enumerate(root.iter("convex")):
         numbers = iter([float(word) for word in str(element.get("corners")).split()])
@@ -138,15 +134,9 @@ def _format_urdf(urdf: str, folder: Path) -> str:
 RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
-ROBOT_BIT = 32
-"""Group of the first of several robots, which collide with one another; further bits follow."""
+ROBOT_BIT = 32  # group of the first of several robots, which collide; further bits follow
 
-MARGIN_M = 1e-4
-"""Collision margin [m] of fixed polyhedra.
-
-With a smaller margin, rays miss polyhedra; with the default, 1 mm, grazing rays hit floors several
-centimetres early.
-"""
+MARGIN_M = 1e-4  # collision margin [m] of polyhedra; if smaller, rays miss, if larger, hit early
 UPWARDS = 0.1  # minimum upward component of the contact normal for a supporting contact
 
 

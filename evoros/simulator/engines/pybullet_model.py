@@ -143,11 +143,7 @@ class Engine:
         )
 
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
-        """Place the robots at rest at their home poses.
-
-        This applies even to new models. The engine retains contacts of neighbouring bodies, so it
-        first simulates one step with the robots at different heights far above the ground.
-        """
+        """Place the robots at rest at home, after a step far apart in which old contacts end."""
         for index, robot in enumerate(robots):
             self._place(robot, LIFT_M * (index + 1))
         self.bullet.stepSimulation()

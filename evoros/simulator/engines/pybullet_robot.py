@@ -86,11 +86,7 @@ def load_robot(
 
 
 def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
-    """Return True if wheels should be exact cylinders: cylindrical, and without slip.
-
-    The default, a prism, drives up to 4 % too fast, but is more accurate for wheels that slip
-    sideways.
-    """
+    """Return True for cylinders without slip; the engine's prisms drive up to 4 % too fast."""
     if skids(drive):
         return False
     wheels = {

@@ -165,15 +165,11 @@ def find_touches(
 
 
 FINE_STEP_S = 0.0025
-"""Time step [s] while a movable body is moving.
-
-The engine finds one contact with a plane per step, and keeps it until the body has slid by 2 % of
-its size. With longer steps, contacts are lost as soon as found, so that a body rests on one corner
-at a time and sinks.
+"""Time step [s] while a movable body moves. The engine finds one contact with a plane per step, and
+keeps it for 2 % of the body's size; with longer steps, bodies rest on one corner and sink.
 """
 
-NEAR_STEPS = 2.0
-"""Distance from a body at which fine steps begin, in lengths of a step at full speed."""
+NEAR_STEPS = 2.0  # distance at which fine steps begin, in steps at full speed
 
 
 class PyBulletSimulation:

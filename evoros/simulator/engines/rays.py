@@ -111,10 +111,8 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
 
 
 JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
-"""Columns of a steered part.
-
-Index of the steering joint; x, y [m] of the joint's vertical axis; ``narrowing_of(drive, joint)``;
-``inside`` and ``rolls`` as in ``OccluderRows``; row for ray casting, relative to the axis.
+"""Columns of a steered part: index of the steering joint; x, y [m] of its vertical axis;
+``narrowing_of``; ``inside`` and ``rolls`` as in ``OccluderRows``; ray row relative to the axis.
 """
 PART_SIZE = SHAPE + OBSTACLE_SIZE
 PART, BEAM, FIRST_RAY, END_RAY = range(4)
@@ -160,11 +158,7 @@ def _lay_out_part(robot: Robot, index: int) -> Array:
 
 
 def narrowing_of(drive: Drive, joint: int) -> float:
-    """Return ``k`` in ``cot(angle) = cot(steering) - k``, which relates a joint to the steering.
-
-    This is half the track of the joints over the wheelbase (left positive), or 0 for parallel
-    steering.
-    """
+    """Return k in cot(joint) = cot(steering) - k: half the track over the wheelbase, or 0."""
     angles, _ = drive.targets(0.0, drive.steering_limit)
     return 1.0 / elementary.tan(drive.steering_limit) - 1.0 / elementary.tan(angles[joint])
 

@@ -91,10 +91,7 @@ def fill_state(
 
 
 def solve_rolling(drive: Drive) -> Array:
-    """Return the matrix (2, wheels) from wheel angles to the WHEELS signal.
-
-    It is the pseudo-inverse of the rates of unsteered wheels, with zeros for steered wheels.
-    """
+    """Return the matrix (2, wheels) from wheel angles to WHEELS, with zeros for steered wheels."""
     speed, steering = 0.1 * drive.max_speed_mps, 0.5 * drive.steering_limit
     ahead, left, right = (
         np.array(drive.targets(speed, angle)[1]) for angle in (0.0, steering, -steering)

@@ -86,10 +86,8 @@ def name_robot(index: int, robot: Robot) -> str:
 
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot has tipped over
 MAX_FRICTION = 1.0
-"""Maximum friction coefficient of a body.
-
-Many worlds have coefficients of 100. In Gazebo these have no effect, because it uses the smaller of
-two coefficients; in other engines, wheels would grip far too well.
+"""Maximum friction coefficient of a body. Many worlds have 100, of which Gazebo uses the smaller of
+two; in other engines, wheels would grip far too well.
 """
 MAX_POINTS = 12  # maximum number of outline points at which the slope is sampled
 

@@ -132,8 +132,7 @@ HELP = "a video of one of the champion's missions, with its sensor readings"
 NEEDS = "a finished run, or an evaluation, that recorded trajectories"
 FILES = ("video.mp4",)
 FORMATS: dict[str, str] = {}
-_OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
-"""Options not named after the field of ``RenderOptions``."""
+_OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}  # options not named after their field
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

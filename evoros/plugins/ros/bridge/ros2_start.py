@@ -13,9 +13,7 @@ ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "RO
 BEFORE_RANGES = ("foxy", "galactic", "humble")  # they lack ROS_AUTOMATIC_DISCOVERY_RANGE
 FAST = "rmw_fastrtps"
 PROFILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "local.xml")
-"""A profile that keeps Fast DDS on this machine and out of shared memory.
-
-Files in shared memory would remain after a kill, and ROS's localhost setting always uses them.
+"""Keeps Fast DDS on this machine and out of shared memory, where files would remain after a kill.
 """
 FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux's ephemeral range
 
