@@ -119,8 +119,8 @@ def _conclude(row: Mapping[Hashable, Any], title: str) -> str:
     return (
         f"{title}: {needed} replicates per treatment detect a difference of "
         f"{row['difference']:.3g} ({deviations}) at the {100 * LEVEL:.0f} % level with a "
-        f"probability of {100 * row['power']:.0f} % ({TEST}, {adjusted}), if they scatter like "
-        f"the {row['runs']} given runs; 95 % interval of this number, assuming normally "
+        f"probability of {100 * row['power']:.0f} % ({TEST}, {adjusted}), if replicates scatter "
+        f"like the {row['runs']} given runs; 95 % interval of this number, assuming normally "
         f"distributed values: {low} to {high}"
     )
 

@@ -188,9 +188,9 @@ def _describe_sight(sight: SelfSight) -> str:
     return (
         f"the robot blocks {100 * sight.hidden_share:.0f} % of the field of view of a "
         f"{mount.sensor} at x {mount.x_m:.3g}, y {mount.y_m:.3g}, z {mount.z_m:.3g} m on "
-        f"{mount.link} with yaw {mount.yaw_deg:.3g} deg, which sees {sight.link} "
-        f"{sight.distance_m:.3g} m away at some steering angle; place the sensor on the outline "
-        "(OutlineRegion), facing outwards with a narrower yaw_deg or fov_deg, or move it up"
+        f"{mount.link} with yaw {mount.yaw_deg:.3g} deg; at some steering angle, the sensor sees "
+        f"{sight.link} {sight.distance_m:.3g} m away; place the sensor on the outline, facing "
+        "outwards (OutlineRegion), or move it up"
     )
 
 
@@ -229,7 +229,7 @@ def _describe_ground(sight: GroundSight) -> str:
     return (
         f"a {mount.sensor} {sight.height_m:.3g} m above the ground with pitch "
         f"{mount.pitch_deg:g} deg sees the ground {sight.reading_m:.3g} m away, within "
-        f"{sight.key} ({sight.range_m:g} m), so the robot keeps trying to avoid it; "
-        f"raise the pitch to at least {pitch} deg (robot.mount.pitch_deg, or pitch_deg of "
-        f"the region), or lower that range"
+        f"{sight.key} ({sight.range_m:g} m), so the robot keeps trying to avoid the ground; "
+        f"raise the pitch to at least {pitch} deg (robot.mount.pitch_deg, or pitch_deg of the "
+        "region), or lower that range"
     )

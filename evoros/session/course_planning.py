@@ -141,10 +141,10 @@ def _find_world(place: _Place) -> tuple[World, str]:
             return world, chosen.place
     x, y = "world.NAME.course.home_x_m", "world.NAME.course.home_y_m"
     raise InputError(
-        f"{place.source}: no course was found: {place.robot.name} needs two clear areas, "
-        f"each {2 * place.radius_m:.2g} m across, with a clear straight line between them, among "
-        f"the obstacles or within {AROUND_M:g} m of them; to give a course, type {x}=X {y}=Y "
-        f"'world.NAME.course.waypoints=[[X, Y], ...]'"
+        f"{place.source}: no course was found: among the obstacles or within {AROUND_M:g} m of "
+        f"them, {place.robot.name} needs two clear areas, each {2 * place.radius_m:.2g} m "
+        f"across, with a clear straight line between the areas; to give a course, type {x}=X "
+        f"{y}=Y 'world.NAME.course.waypoints=[[X, Y], ...]'"
     )
 
 
