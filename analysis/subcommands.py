@@ -42,7 +42,7 @@ def to_csv(table: "pd.DataFrame") -> bytes:
 NAME = "evoros analyze"
 ABOUT = """Draw figures of runs, evaluations and sweeps, and write the numbers behind them.
 
-Incomplete or damaged folders are skipped, and each is reported. Exit status: 0 done; 2 invalid
+Incomplete or damaged folders are skipped with a message. Exit status: 0 done; 2 invalid
 input; 3 or 4 the result of regression; 130 interrupted."""
 
 SUBCOMMANDS: Mapping[str, str] = {

@@ -126,7 +126,7 @@ def _versions(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
 def list_findings(study: Study) -> tuple[list[str], str]:
     """Return findings on the runs, controls first, and the reason if there are none."""
     if not study.records:
-        return ([], "There are no runs to compare. Add their folders.")
+        return ([], "There are no runs to compare. Add the folders of runs.")
     controls = list_controls(study)
     try:
         runs, measures = score_runs(study, None)

@@ -263,7 +263,7 @@ def _rename_duplicates(container: Element, reading: Reading) -> None:
             numbered = (f"{stem}_{index}" for index in itertools.count())
             names = numbered if is_named_twice else itertools.chain([stem], numbered)
             new = next(text for text in names if text not in taken)
-            problem = f"has a name that is already in use: it is renamed to {xml.quote(new)}"
+            problem = f"has a name that is already in use, and is renamed to {xml.quote(new)}"
             reading.notes.add(element, problem, "renamed")
             element.set("name", new)
             name = new

@@ -204,8 +204,8 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     notes = {
         "links with a mass of 0 are treated as frames": massless,
         "impossible inertias are replaced with inertias of boxes around the shapes": replaced,
-        f"centres of mass are farther away than the robot's size ({extent_m:.3g} m) and may not "
-        "be in metres; write <origin> of <inertial> in metres": beyond,
+        f"centres of mass are farther from their links than the robot's size ({extent_m:.3g} m), "
+        "so they may not be in metres; write <origin> of <inertial> in metres": beyond,
     }
     return [f"{text}: {_list(names)}" for text, names in notes.items() if names]
 
