@@ -189,8 +189,8 @@ def _describe_sight(sight: SelfSight) -> str:
         f"the robot blocks {100 * sight.hidden_share:.0f} % of the field of view of a "
         f"{mount.sensor} at x {mount.x_m:.3g}, y {mount.y_m:.3g}, z {mount.z_m:.3g} m on "
         f"{mount.link} with yaw {mount.yaw_deg:.3g} deg; at some steering angle, the sensor sees "
-        f"{sight.link} {sight.distance_m:.3g} m away; place the sensor on the outline, facing "
-        "outwards (OutlineRegion), or move it up"
+        f"{sight.link} {sight.distance_m:.3g} m away; place the sensor on the outline "
+        "(OutlineRegion), facing outwards with a narrower yaw_deg or fov_deg, or move it up"
     )
 
 
