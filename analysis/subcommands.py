@@ -27,8 +27,7 @@ class Product:
     table: "pd.DataFrame | None" = None  # written to SUBCOMMAND.csv
     figure: "Figure | None" = None  # written to SUBCOMMAND.FORMAT
     messages: Sequence[str] = ()  # lines for standard output
-    # additional tables, keyed by file name
-    tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
+    tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)  # more tables by file name
     files: Mapping[str, bytes] = field(default_factory=dict)  # content, keyed by file name
     folder: str = ""  # folder of ``files`` to be replaced as a whole; empty without one
     status: int = DONE  # exit status of the command, which ``regression`` may change

@@ -17,8 +17,7 @@ SMALL_PT, TEXT_PT, TITLE_PT = 6.0, 7.0, 9.0
 THIN, MEDIUM = 0.35, 0.7  # line widths [pt]
 GREY, DARK = "0.45", "0.15"
 LABEL_MM = 2.9  # minimum distance [mm] between two lines of labels
-# common scales 1:N, as multiples of a power of ten
-_STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+_STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # scales 1:N, times a power of ten
 _BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths [mm] of the scale bar
 
 

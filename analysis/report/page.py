@@ -1,4 +1,4 @@
-"""A report on a study as a single HTML page, ``report.html``, for any browser offline."""
+"""A report on a study as one HTML page, ``report.html``, which needs no network."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,8 +30,7 @@ class Missions:
     """The missions of designs on the page, and the grounds shared by these missions."""
 
     playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # keyed by (run, design)
-    # keys of the maps with each design
-    maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)
+    maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)  # map keys by design
     labels: dict[tuple[str, int], str] = field(default_factory=dict)
     grounds: dict[str, Json] = field(default_factory=dict)
 
@@ -197,7 +196,7 @@ def _configure(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
-    """List key, name and values of each part but the executor; ``run`` holds all other values."""
+    """List the key, name and values of each part except the executor; others are in ``run``."""
     parts: dict[str, dict[str, Any]] = {}
     loose: dict[str, Any] = {}
     for key, value in values.items():

@@ -113,7 +113,7 @@ def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
 
 
 class Choice(NamedTuple):
-    """A study of one robot per run, the robot's name (empty if alone), and the other robots."""
+    """A study with one robot per run, the name of this robot (empty if alone), and the others."""
 
     study: Study
     robot: str = ""

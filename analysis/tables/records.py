@@ -35,8 +35,7 @@ class Record:
     values: Mapping[str, Any]  # configuration values by dotted key
     treatment: str = ""  # label of the differences from other runs, without the seed
     levels: Mapping[str, str] = field(default_factory=dict)  # level by factor
-    # description of the treatment given by the user
-    given: Mapping[str, Any] = field(default_factory=dict)
+    given: Mapping[str, Any] = field(default_factory=dict)  # the user's description
     agent: str = ""  # name of the robot in this record; empty for the first robot
 
     @property

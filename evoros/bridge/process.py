@@ -51,8 +51,8 @@ class OutsideProcess:
     def lost(self, what: str, time: float | None = None) -> PilotLost:
         """Return the error for a process that exited or hangs, with its status and last output.
 
-        For a process that still runs, ``what`` says what it did, for example ``did not answer
-        within 10 s``. ``time`` [s] is the mission's time; None before the start.
+        If the process still runs, the error quotes ``what``, for example ``did not answer within 10
+        s``. ``time`` [s] is the mission's time; None before the start.
         """
         if not self.running(wait_s=0.2):
             what = f"ended {_describe(self._ended or 0)}"

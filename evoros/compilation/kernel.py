@@ -41,7 +41,7 @@ class NumberedRule(types.Callable):  # type: ignore[misc]
         super().__init__(f"NumberedRule({kind})")
 
     def get_call_type(self, context: Any, arguments: Any, keywords: Any) -> Signature:
-        """Return a signature with this type as the receiver, so that the call gets the number."""
+        """Return a signature whose receiver is this type, so that calls pass the rule's number."""
         return Signature(self.signature.return_type, self.signature.args, recvr=self)
 
     def get_call_signatures(self) -> tuple[list[Signature], bool]:

@@ -154,7 +154,7 @@ def cache_folder() -> Path | None:
 def _copy_bundled(folder: Path) -> None:
     """Copy machine code made during installation, unless the sources have changed."""
     bundled = PACKAGE / BUNDLED / folder.name
-    for file in sorted(bundled.rglob("*.nb?")):  # an index (.nbi) comes after its code (.nbc)
+    for file in sorted(bundled.rglob("*.nb?")):  # the index (.nbi) is copied after its code (.nbc)
         copy = folder / file.relative_to(bundled)
         if not copy.exists():
             copy.parent.mkdir(parents=True, exist_ok=True)

@@ -204,7 +204,7 @@ _FUNCTIONS = {
 def substitute(function: Any, helpers: bool = False) -> Any:
     """Return a copy of a user's function that uses the elementary functions of evoros.
 
-    With ``helpers``, functions that it calls in its module do so as well.
+    With ``helpers``, the functions of its module that it calls are also copied.
     """
     if not isfunction(function) or is_bundled(function):
         return function

@@ -34,7 +34,7 @@ class Configuration:
     """
 
     text: str  # content of config.yaml; references to keys and secrets are unresolved
-    values: Mapping[str, Any] = field(repr=False)  # references resolved; may hold secrets
+    values: Mapping[str, Any] = field(repr=False)  # references resolved; may contain secrets
     choices: Mapping[str, str] = field(default_factory=dict)  # option chosen in each group
     overrides: Sequence[str] = ()  # typed overrides with unresolved references
     designs: Any = None  # key ``designs`` of an evaluation; not in ``text`` or ``values``

@@ -118,7 +118,7 @@ def override_recorded(
     if not overrides:
         return recorded, None
     config = _create(_parse(recorded.text))
-    free = FREE if growing == GENERATIONS else FREE[:1]  # only the first can change here
+    free = FREE if growing == GENERATIONS else FREE[:1]  # otherwise only the first key can change
     number = None
     for override in parse(overrides):
         key, value = override.key_or_group, override.value()

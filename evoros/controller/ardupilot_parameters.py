@@ -126,8 +126,7 @@ class ArduPilotSettings(LiveController):
     environment: Annotated[Mapping[str, str], checks.mapping_of(str, "strings")] = field(
         default_factory=dict
     )
-    # simulated time limit for reaching the mode AUTO
-    warm_up_s: Annotated[float, checks.POSITIVE] = 60.0
+    warm_up_s: Annotated[float, checks.POSITIVE] = 60.0  # simulated time limit for mode AUTO
     start_limit_s: Annotated[float, checks.POSITIVE] = 30.0  # wall-clock time
     answer_limit_s: Annotated[float, checks.POSITIVE] = 10.0  # wall-clock time
     isolate: Annotated[bool, checks.FLAG] = True

@@ -91,8 +91,7 @@ class L1(Layer):
     integral_limit_deg: Annotated[float, NOT_NEGATIVE] = 15.0
     output_limit_deg: Annotated[float, POSITIVE] = 45.0
     least_speed_mps: Annotated[float, POSITIVE] = 1.0
-    # time without decisions after which the integrals are reset
-    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0
+    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0  # pause that resets the integrals
 
     def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
         """Return the gains for the control period, and zero integrals."""

@@ -52,8 +52,7 @@ class Memory(NamedTuple):
 
 
 OTHERS = 2  # number of inputs besides the sectors: bearing and speed
-# maximum steering correction in units of full lock, enough to go from lock to lock
-AUTHORITY = 2.0
+AUTHORITY = 2.0  # maximum steering correction in units of full lock, from lock to lock
 
 
 class Weight(NamedTuple):

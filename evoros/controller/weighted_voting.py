@@ -15,8 +15,7 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
 
 HALF_TURN = Rule("an angle >= 0 and < 180 deg", lambda v: is_number(v) and 0 <= v < 180)
-# [rad], so that a mount at exactly ``ahead_deg`` is ahead despite rounding of its yaw
-ROUNDING = 1e-9
+ROUNDING = 1e-9  # [rad], so that a mount at ``ahead_deg`` is ahead despite rounding
 
 
 @dataclass(frozen=True)

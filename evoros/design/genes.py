@@ -78,7 +78,7 @@ def check_gene_names(design: object, names: Iterable[str]) -> None:
 
 
 def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
-    """Return the names of varying genes by group; a gene without a group is a group by itself."""
+    """Return the names of varying genes by group; a gene without a group forms its own."""
     groups: dict[str, list[str]] = {}
     for name, gene in genes.items():
         if gene.low < gene.high:

@@ -70,8 +70,7 @@ class SkidSteer:
     rear_axle_x_m: Annotated[float, NUMBER]  # x of the middle of the wheels in the robot's frame
     steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
-    # ratio of effective to geometric track that commands assume
-    wheel_separation_multiplier: Annotated[float, POSITIVE]
+    wheel_separation_multiplier: Annotated[float, POSITIVE]  # assumed effective / geometric track
     turning_resistance: Annotated[float, AT_LEAST_ONE]  # actual ratio of these tracks
 
     @property

@@ -137,8 +137,7 @@ class Experiment:
     requirements: Annotated[Mapping[str, Requirement], REQUIREMENTS] = field(default_factory=dict)
     # Random draws of an evaluation: fresh ones, or the draws of a run's validation.
     evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
-    # Designs with which a finished run compares its champion.
-    controls: Annotated[Controls | None, SOME_CONTROLS] = None
+    controls: Annotated[Controls | None, SOME_CONTROLS] = None  # compared with the champion
     stop_after: Annotated[StopAfter, A_LIMIT] = field(default_factory=StopAfter)
     figures: Sequence[str] = ()
     # Trackers that receive the records of the run.

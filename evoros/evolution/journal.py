@@ -94,7 +94,7 @@ class Watcher:
     """Follows the progress of a run without affecting its results."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Report that ``missions`` missions follow, of which ``known`` are recorded."""
+        """Report the start of ``missions`` missions, of which ``known`` are already recorded."""
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Report that a mission has finished and has been recorded."""

@@ -21,7 +21,7 @@ _TEXTS = {".stl": ("facet", "endsolid"), ".dae": ("<collada", "collada>")}
 """Lower-case words near the start and near the end of each kind of complete text file."""
 _SHORT = 10_000  # number of bytes searched at each end
 _NOWHERE = logging.NullHandler()  # discards tracebacks of failed attempts if logging is off
-_NO_MATERIAL = "material_0"  # name that trimesh gives a substitute for a missing material
+_NO_MATERIAL = "material_0"  # trimesh's name for the substitute of a missing material
 
 
 def read_content(path: Path) -> bytes:

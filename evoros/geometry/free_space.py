@@ -80,7 +80,7 @@ class FreeSpace:
     def _keep_on(self, ground: Sequence[Footprint], radius_m: float) -> None:
         """Block all positions without ground everywhere within a radius."""
         reach = radius_m / self.cell_m + 1.0  # cells without ground start before their centre
-        pad = math.ceil(reach)  # ground may end just outside the grid
+        pad = math.ceil(reach)  # includes ground that ends just outside the grid
         none = np.pad(np.zeros_like(self.free), pad)
         wide = FreeSpace(self.low - pad * self.cell_m, none, self.cell_m)
         for footprint in ground:  # robots drive across seams between floors

@@ -24,8 +24,7 @@ class Coverage(Measure):
     width_deg: Annotated[float, SECTOR] = 360.0
     both_sides: Annotated[bool, FLAG] = False  # True: adds the mirror image of the sector
     distance_m: Annotated[float, POSITIVE] = 2.0  # distance from the middle of the robot
-    # name of a robot with its own design; empty: the first robot
-    robot: Annotated[str, A_NAME] = ""
+    robot: Annotated[str, A_NAME] = ""  # robot with a separate design; empty: first robot
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 

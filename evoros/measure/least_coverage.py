@@ -23,8 +23,7 @@ class LeastCoverage(Measure):
     of_design = True
     failed: Annotated[int, replace(A_COUNT, limit=3)] = 1
     distance_m: Annotated[float, POSITIVE] = 2.0  # distance from the middle of the robot
-    # name of a robot with its own design; empty: the first robot
-    robot: Annotated[str, A_NAME] = ""
+    robot: Annotated[str, A_NAME] = ""  # robot with a separate design; empty: first robot
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 

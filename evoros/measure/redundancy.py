@@ -18,8 +18,7 @@ class Redundancy(Measure):
     title = "share of bearings seen by two or more sensors"
     of_design = True
     distance_m: Annotated[float, POSITIVE] = 2.0  # distance from the middle of the robot
-    # name of a robot with its own design; empty: the first robot
-    robot: Annotated[str, A_NAME] = ""
+    robot: Annotated[str, A_NAME] = ""  # robot with a separate design; empty: first robot
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 0.5)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 

@@ -19,8 +19,7 @@ class Spread(Measure):
 
     title = "spread of the sensors"
     of_design = True
-    # name of a robot with its own design; empty: the first robot
-    robot: Annotated[str, A_NAME] = ""
+    robot: Annotated[str, A_NAME] = ""  # robot with a separate design; empty: first robot
     bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
     direction: Annotated[str, DIRECTION] = MAXIMIZE
 

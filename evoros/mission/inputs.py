@@ -161,7 +161,7 @@ TIME, ANSWER = range(2)  # indices in the memory of a layer that calls Python at
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]
-"""Wraps a Python function as a C function, and returns the address."""
+"""Converts a Python function to a C function and returns its address."""
 
 
 def observe(parameters: Array, memory: Array, state: Array) -> None:

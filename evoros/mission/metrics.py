@@ -38,7 +38,7 @@ def measure(index: int, setup: Setup, result: LoopResult) -> Outcome:
     participant, faults = setup.robots[index].participant, setup.robots[index].faults
     counts, tick = setup.arrays.counts[:, index], setup.timing.tick
     ended, first = int(counts[inputs.ENDED]), int(counts[inputs.FIRST_COLLISION])
-    cut_off = ended == inputs.RUNNING  # the mission ended before this robot did
+    cut_off = ended == inputs.RUNNING  # the mission ended while this robot was still running
     time = (result.ticks if cut_off else int(counts[inputs.END_TICK])) * tick
     rows = setup.arrays.trajectory[: result.rows if cut_off else int(counts[inputs.END_ROW]) + 1]
     start = 1 + setup.agents.readings[index] + setup.agents.estimates[index]

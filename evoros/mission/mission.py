@@ -53,8 +53,7 @@ class Outcome:
     failed_sensors: tuple[int, ...]
     failed_at_s: tuple[float, ...]  # onset times without NaN, in the order of failed_sensors
     failed_by: tuple[str, ...]  # fault effects, such as silence or stuck, in the same order
-    # Other failed parts, such as steering or localization, in order of onset:
-    failed_parts: tuple[str, ...] = ()
+    failed_parts: tuple[str, ...] = ()  # other parts, such as steering, in order of onset
     parts_failed_at_s: tuple[float, ...] = ()
     parts_failed_by: tuple[str, ...] = ()
     touched_walkers: tuple[str, ...] | None = None  # None if no mission has walkers

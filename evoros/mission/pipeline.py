@@ -256,7 +256,7 @@ def _start_copy(rule: object, source: Array, values: Array) -> FilterStage:
     return FilterStage(1, *bind(rule, SENSOR_ARGUMENTS, None), _NO_DRAWS, source, values)  # type: ignore[arg-type]
 
 
-_NO_DRAWS: Generator = generator("", "copy")  # copying uses no random numbers
+_NO_DRAWS: Generator = generator("", "copy")  # an unused argument: copies need no random numbers
 
 
 def copy_signal(signal: Array, values: Array) -> None:

@@ -77,7 +77,7 @@ def update_clocks(
 
 @compilable
 def _has_come(row: Array, visited: Array, states: Array, legs: Array, time: float) -> bool:
-    """Return True if a trigger's event has occurred; update the use of a supply."""
+    """Return True if a trigger's event has occurred; count the use of a supply."""
     i, kind = int(row[ROBOT]), row[KIND]
     at, leg = i * STATE_SIZE, i * LEG_SIZE
     x, y = float(states[at + X]), float(states[at + Y])

@@ -35,7 +35,7 @@ class MapElites(BundledOptimizer):
     population_size: Annotated[int, COUNT] = 32
     cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
     noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
-    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # relative to the distance to the other elite
+    line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # relative to the distance between two elites
     redraw_probability: Annotated[float, PROBABILITY] = 0.05  # per categorical gene
     packages = ("ribs",)
 

@@ -35,8 +35,7 @@ class Survival:
 
     survives: Annotated[int, COUNT]  # maximum number of failed sensors
     stops_below: Annotated[float, SHARE] = 0.5  # limit on completion rates
-    # failure times of each set
-    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # failure times of a set
     max_cases: Annotated[int, COUNT] = 500  # maximum number of pairs of set and failure time
     confidence: Annotated[float, CONFIDENCE] = 0.95
 

@@ -128,9 +128,9 @@ def add_supports(
 ) -> Casters:
     """Add balls on which a two-wheeled robot slides if it would otherwise tip over.
 
-    ``corners`` (n, 3) [m] are points of the body. A robot that has casters gets a ball in front of
-    or behind the axle only if the weight leans there and no caster is there, or balls opposite the
-    casters, as high as these, if all are on one side and do not balance the robot.
+    ``corners`` (n, 3) [m] are points of the body. A robot with casters gets a ball in front of or
+    behind the axle only if the weight leans there and no caster is there. If all casters are on the
+    left or on the right and do not balance the robot, mirrored balls of equal height are added.
     """
     mass, centre = centre_of_mass(elements, urdf)
     axle: Array = np.mean([wheel.centre for wheel in wheels], axis=0)

@@ -64,7 +64,7 @@ def open_controls(run: Path, controls: Controls) -> Iterator[Session]:
 
 
 def _require_current(run: Path) -> None:
-    """Raise an error if the controls were made for another champion or another size of the run."""
+    """Raise an error if the controls are for another champion or another number of generations."""
     evaluation, random = (run / CONTROLS / name for name in (EVALUATION, RANDOM))
     files = {"design.csv": layout.DESIGN_FILE, "genes.csv": layout.GENE_FILE}
     same = [

@@ -66,7 +66,7 @@ def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDes
 
 
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
-    """Return the files that ``read_recorded_designs`` reads, with exact values, by file name."""
+    """Return the contents of the files for ``read_recorded_designs``, by file name."""
     sensors: list[Sequence[object]] = []
     genes: list[Sequence[object]] = []
     for named in designs:

@@ -29,7 +29,7 @@ from evoros.world.model import World
 from evoros.world.standing import list_areas
 
 SAMPLES = 60  # number of random designs drawn in the picture of a robot
-LEVEL, UNEVEN = "simulator=planar", "simulator=physics"  # options for level and for uneven ground
+LEVEL, UNEVEN = "simulator=planar", "simulator=physics"  # simulators for level and uneven ground
 INDOOR = "controller=indoor"  # controller for worlds that are too narrow for the default controller
 NEAR_RATIO = 1.0  # ratio above which most positions have an obstacle within avoidance range
 ANOTHER = (

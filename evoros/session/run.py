@@ -110,7 +110,7 @@ class Session:
 
 def create_run(config: Configuration, folder: Path) -> Session:
     """Build and record a run in a new folder; after an InputError, the folder is unchanged."""
-    require_unused(folder)  # fails early: building can take seconds
+    require_unused(folder)  # checked first, because building takes seconds
     with collect_messages() as messages:
         if not config.evaluates:
             return record_run(build_search(config), config, folder, messages)
@@ -126,7 +126,7 @@ def check_run(config: Configuration, similar: Experiment | None) -> Experiment:
     if config.evaluates:
         return build_evaluation(config)[0]
     if similar is not None:
-        with suppress(InputError):  # building the whole run below reports the error
+        with suppress(InputError):  # an error is reported when the whole run is built below
             experiment = config.rebuild(similar, SEARCH)
             rng = generator(f"{experiment.seed}", "optimizer")
             experiment.optimizer.start(similar.space, experiment.goals, rng)  # spaces are equal
@@ -196,7 +196,7 @@ def _resume(
         extended |= size != configured["optimizer"]["generations"]
         return Search(experiment, record, size, extended, not goes_on and wanted is None)
     key, written = plan.find_growing(configured), experiment.plan.evaluation_trials
-    if key == plan.TRIALS and SIZES[key] not in record.read_status():  # the status holds the number
+    if key == plan.TRIALS and SIZES[key] not in record.read_status():  # else the status has it
         written = max(written, record.rows.trials)
     designs = read_recorded_designs(record.path, experiment)
     return _start_evaluation(record, experiment, designs, _find_size(record, key, written, wanted))

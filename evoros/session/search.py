@@ -51,7 +51,7 @@ def build_search(config: Configuration) -> Experiment:
 
 @dataclass
 class Search(Watcher):
-    """A search, which watches its own evolution to record the progress."""
+    """A search that records its own progress as a watcher of the evolution."""
 
     experiment: Experiment
     folder: RunFolder
@@ -61,8 +61,7 @@ class Search(Watcher):
     last: Generation | None = None
     certificate: Certificate | None = None  # None until the search ends
     reason: str = ""  # the limits that ended the search; empty if none did
-    # cumulative processor time [s] of selection and confirmation, one entry per generation
-    processor_s: list[float] = field(init=False)
+    processor_s: list[float] = field(init=False)  # cumulative [s], one entry per generation
     tell: Tell = ignore  # notifies observers of the number of recorded generations
 
     def __post_init__(self) -> None:

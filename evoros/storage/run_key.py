@@ -15,8 +15,7 @@ from evoros.storage.layout import DESIGN_FILE
 KEY, STATUS_KEY = "rows", "run"  # names of the key in the manifest's digests and in ``status.json``
 FREE = (*protocol.FREE, "figures", "record")  # configuration keys without effect on mission rows
 _OWN_HASHES = "configuration"  # prefix of the names of digests that include the executor
-# Calls of resolvers in a recorded configuration are references to secrets.
-_CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")
+_CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")  # resolver calls in recorded files refer to secrets
 
 
 def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:

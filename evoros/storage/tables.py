@@ -25,8 +25,7 @@ CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fit
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two exist only with a confirmation
 AGENT = "agent"  # column with the name of an agent
-# integer columns of trajectories
-WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")
+WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # integer columns of trajectories
 
 _TYPES = get_type_hints(Outcome)
 PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")

@@ -123,7 +123,7 @@ class TrajectoryFiles:
         if self._is_kept(place, _name_robot(mission.design_id)):
             return
         with suppress(InputError):  # missions of rejected designs were not run
-            # The first robot comes last, because its file marks all as written.
+            # The first robot is written last, because its file marks all files as written.
             for member in reversed(scenario.equip(mission.design)):
                 robot = member.robot
                 if robot.engine_urdf is not None:

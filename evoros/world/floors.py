@@ -205,7 +205,7 @@ def _find_level(
         return bool(carried[:corners].all() and carried[corners:].sum() * 2 >= len(along) - corners)
 
     base = ground if ground is not None else min(filter(carries_all, at_home), default=None)
-    if base is None:  # no floor carries the whole course: use a low top at home, if any
+    if base is None:  # no floor supports the whole course, so a low top at home is the floor
         return min((height for height in at_home if abs(height) <= STAGE_M), default=0.0)
     raised = [h for h in at_home if base + MAT_M < h <= base + STAGE_M and carries_all(h)]
     highest = max(raised, default=base)

@@ -18,7 +18,7 @@ _ROOFED = 0.95  # minimum fraction of these places that lie below a roof
 
 
 def fill_hollow(bodies: Sequence[Body], point: Array, height_m: float) -> list[Footprint]:
-    """Return rectangles that fill the hollow in which a point (2,) [m] lies; none elsewhere.
+    """Return rectangles that fill the hollow around a point (2,) [m]; empty outside hollows.
 
     A single fixed body encloses and roofs a hollow, which contains nothing else up to a height [m].
     A room, in contrast, has a door or furniture, or several bodies enclose it.

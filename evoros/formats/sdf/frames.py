@@ -102,7 +102,7 @@ class Frames:
         if not frame.placement:
             return frame.relative.pose
         element = frame.relative.element
-        # The placement frame lies inside a model, but next to the frame of a merged model.
+        # A placement frame is a child of an included model, but a sibling of a merged one.
         inside = any(other[:-1] == path for other in self._frames)
         within = self.find(path if inside else path[:-1], frame.placement, element)
         pose, visited = Pose(), {path}

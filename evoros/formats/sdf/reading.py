@@ -176,8 +176,7 @@ _ADDRESS = re.compile(
     re.IGNORECASE,
 )
 _CACHES = {"GZ_FUEL_CACHE_PATH": "~/.gz/fuel", "IGN_FUEL_CACHE_PATH": "~/.ignition/fuel"}
-# Two names of one server; a cache may use either.
-_HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")
+_HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")  # names of one server in caches
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 class PackageIndex:
     """Locations of the packages that a robot's file may name, and folders that may be read."""
 
-    roots: tuple[Path, ...]  # folders that hold files or packages; bundled robots come last
+    roots: tuple[Path, ...]  # folders with files or packages; bundled robots are last
     folders: Mapping[str, Path]  # packages by stated name; the nearest of several with one name
     ignored: frozenset[str] = frozenset()  # packages to be left out
 
@@ -76,7 +76,7 @@ def index_packages(
 
 
 def _find_unstated(file: Path) -> dict[str, Path]:
-    """Return the folders above a file that hold what it names in packages, by package name."""
+    """Return the folders above a file that contain its package paths, by package name."""
     try:
         named = _FIND.findall(file.read_text(encoding="utf-8", errors="replace"))
     except OSError:

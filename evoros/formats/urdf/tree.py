@@ -30,7 +30,7 @@ class FrictionAxis(NamedTuple):
     """The direction of the first friction coefficient of a link."""
 
     direction: tuple[float, ...]  # x, y, z
-    frame: str  # link that defines the frame; empty for the link itself
+    frame: str  # link that defines the frame; empty for this link
 
 
 def read_plugins(robot: Element) -> tuple[Plugin, ...]:

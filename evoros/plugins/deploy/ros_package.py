@@ -181,7 +181,7 @@ class MeshFiles:
     _addresses: dict[str, str] = field(default_factory=dict)
 
     def move(self, robot: Element) -> None:
-        """Copy the files named in a description, and update their names there."""
+        """Copy the files named in a description, and change the names in the description."""
         for element in list_named_files(robot):
             name = element.get("filename", "")
             if name not in self._addresses:

@@ -68,7 +68,7 @@ class Action(BaseAction):  # type: ignore[misc]
 
 
 class Wait(Action):
-    """An action that succeeds when a condition holds, and fails if the mission ends before."""
+    """An action that succeeds when a condition holds, and fails if the mission ends first."""
 
     def holds(self) -> bool:
         """Return True if the condition holds."""

@@ -29,8 +29,7 @@ class Making(NamedTuple):
     gain: float  # fraction of the steering error corrected per step
     bond: dict[str, Any]  # contact parameters that couple joints to motors
     prefix: str = ""  # prefix of all names of the robot
-    # contype and conaffinity of links that collide with obstacles
-    masks: tuple[int, int] = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]
+    masks: tuple[int, int] = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]  # contype and conaffinity
 
 
 def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[mujoco_bodies.Sole]:

@@ -142,7 +142,7 @@ def put_back(movables: Movables, placed: Placed) -> None:
 
 @compilable
 def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float) -> bool:
-    """Push bodies out of a robot's outline, with drag if ``slip`` is 1; return True if any."""
+    """Push bodies out of a robot's outline, also sideways if ``slip`` is 1; True if any overlap."""
     x, y, _, _ = robot.pose
     overlaps = False
     for i in range(len(placed.levels)):
