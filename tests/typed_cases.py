@@ -70,7 +70,7 @@ ROBOTS = (
         BODY + (PAIR + REAR).replace("wheel", "caster"),
     ),
     Robot(
-        "evoros/drive/automatic.py robot.drive.left_wheel_joints",
+        "evoros/drive/automatic.py robot.drive.kind={_choose_kind(pairs)}",
         BODY + (PAIR + REAR).replace('"0 0 1"', '"0 1 0"'),
     ),
     Robot(

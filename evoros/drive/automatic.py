@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from pkgutil import iter_modules
 from typing import Annotated
@@ -95,7 +96,7 @@ def refuse_several(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     if len(vehicles) > 1:
         parts = "; ".join(f"{joint.name} carries {names}" for joint, names in vehicles.items())
         raise urdf.error(
-            f"the file describes {len(vehicles)} vehicles, of which evoros drives one: {parts}",
+            f"the file describes {len(vehicles)} vehicles instead of one: {parts}",
             f"write a file for each vehicle, such as {next(iter(vehicles)).child} with all links "
             "below it",
         )
@@ -156,9 +157,8 @@ def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
         fixes = ["correct the <axis>", *([HOLD_STRAIGHT.format(kind)] if kind else [])]
         rolling = pair_up([*(read_wheel(urdf, joint.name) for joint in joints), *wheels])
         if rolling:
-            left, right = (",".join(w.joint.name for w in s) for s in zip(*rolling, strict=True))
-            keys = f"'robot.drive.left_wheel_joints=[{left}]' 'robot.drive.right_wheel_joints="
-            fixes.append(f"let the wheels roll about the lateral axis (y) with {keys}[{right}]'")
+            keys = _name_wheels(rolling)
+            fixes.append(f"let the wheels roll about the lateral axis (y) with {keys}")
         raise misaligned_error(urdf, joints, ", or ".join(fixes))
 
 
@@ -195,6 +195,15 @@ def _choose_kind(pairs: Sequence[Pair]) -> str:
     """Return the kind of drive that pairs of wheels form with locked steering, or ""."""
     given: Mapping[str, Sequence[str]] = {"caster_links": ()}
     return next((name for name, kind in DRIVES.items() if kind.recognise([], pairs, given)), "")
+
+
+def _name_wheels(pairs: Sequence[Pair]) -> str:
+    """Return the keys that make pairs of wheels a drive without steering."""
+    left, right = (",".join(w.joint.name for w in side) for side in zip(*pairs, strict=True))
+    return (
+        f"robot.drive.kind={_choose_kind(pairs)} 'robot.drive.left_wheel_joints=[{left}]' "
+        f"'robot.drive.right_wheel_joints=[{right}]'"
+    )
 
 
 GIVEN = (
@@ -279,14 +288,10 @@ class AutomaticDescription(DriveDescription):
             refuse_facing_sideways(urdf)
         pairs = pair_up([wheel for wheel in find_candidates(urdf, casters=True) if wheel.turns])
         if pairs and not pair_up(candidates):
-            left, right = (
-                ",".join(w.joint.name for w in side) for side in zip(*pairs, strict=True)
-            )
+            names = ", ".join(wheel.joint.name for pair in pairs for wheel in pair)
             return urdf.error(
-                f"all wheels are casters, according to their names: {left},{right}",
-                f"if these wheels are driven, type robot.drive.kind={_choose_kind(pairs)} "
-                f"'robot.drive.left_wheel_joints=[{left}]' "
-                f"'robot.drive.right_wheel_joints=[{right}]'",
+                f"all wheels are casters, according to their names: {names}",
+                f"if these wheels are driven, type {_name_wheels(pairs)}",
             )
         names = ", ".join(wheel.joint.name for wheel in candidates) or "none"
         turning = [
@@ -326,7 +331,20 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
     slippery = [wheel.joint.name for wheel in wheels if slides(urdf, wheel.joint)]
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
     bogies = find_bogies(urdf, wheels)
+    free = [
+        wheel
+        for wheel in (find_candidates(urdf) if chosen.on_one_axle else ())
+        if wheel.turns and wheel.steering is None and wheel.joint.name not in chosen.wheel_joints
+    ]
+    dragged = [
+        wheel.joint.name
+        for wheel in chain.from_iterable(pair_up(free))
+        if not slides(urdf, wheel.joint)
+    ]
+    keys = _name_wheels(pair_up([*wheels, *free])) if dragged else ""
     notes = {
+        f"in evoros, these wheels slide without friction, although they cannot swivel; to drive "
+        f"them as well, type {keys}": dragged,
         "friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum "
         "wheels, but evoros treats them as plain wheels; set robot.drive if the wheels have "
         "rollers": diagonal,

@@ -140,7 +140,7 @@ PROSE = frozenset((
     *("again", "and", "answers", "beside", "by", "can", "casts", "computed", "core", "does"),
     *("evaluates", "for", "from", "has", "ignores", "in", "is", "itself", "made", "or", "printed"),
     *("publishes", "ran", "root", "run", "runs", "see", "supports", "takes", "that", "there"),
-    *("under", "which", "with", "writes", "wrote"),
+    *("treats", "under", "which", "with", "writes", "wrote"),
 ))  # fmt: skip
 """Words that follow evoros in a sentence."""
 FOREIGN = frozenset({"--count", "--no-install-recommends", "--scheduler-file", "--simulation"})

@@ -1,5 +1,6 @@
 """The drive is found in descriptions as people write them, told, and refused if it is not plain."""
 
+import re
 from functools import cached_property
 from typing import Any
 
@@ -107,6 +108,26 @@ def test_driven_wheels_in_the_air_are_told(caplog: pytest.LogCaptureFixture) -> 
     driven = "".join(map(TRANSMISSION.format, names))
     assert len(choose(FRONT, middle, REAR, driven).wheel_joints) == 4
     assert "leaves out these driven wheels: ml_wheel_joint, mr_wheel_joint" in caplog.text
+
+
+def test_free_wheels_that_cannot_swivel_are_told_and_driven_as_proposed(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Gazebo lets such wheels drag in turns."""
+    plugin = "<left_joint>rl_wheel_joint</left_joint><right_joint>rr_wheel_joint</right_joint>"
+    driven = f'<gazebo><plugin filename="diff_drive" name="d">{plugin}</plugin></gazebo>'
+    assert isinstance(choose(FRONT, REAR, driven), DifferentialDescription)
+    note = "although they cannot swivel"
+    (line,) = (message for message in caplog.messages if note in message)
+    assert line.endswith(": fl_wheel_joint, fr_wheel_joint")
+    kind = line.partition("robot.drive.kind=")[2].partition(" ")[0]
+    sides = dict(re.findall(r"robot\.drive\.(\w+_joints)=\[([\w,]+)\]", line))
+    named = {side: names.split(",") for side, names in sides.items()}
+    assert len(choose(FRONT, REAR, driven, kind=kind, **named).wheel_joints) == 4
+    caplog.clear()
+    slippery = '<gazebo reference="{}_wheel"><mu1>0</mu1></gazebo>'
+    choose(FRONT, REAR, driven, slippery.format("fl"), slippery.format("fr"))
+    assert note not in caplog.text
 
 
 def test_groups_of_joints_in_one_element_are_read() -> None:

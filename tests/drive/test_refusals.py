@@ -245,7 +245,7 @@ def test_several_vehicles_in_one_file_are_named_and_each_drives_alone() -> None:
         tow = joint(f"{name}_hitch", f"{name}_base", f"0 {y} 0", more=Z)
         cars[name] = link(f"{name}_base", "") + tow + named
     message = refusal(*cars.values())
-    assert "2 vehicles, of which evoros drives one: v1_hitch carries v1_front_left" in message
+    assert "2 vehicles instead of one: v1_hitch carries v1_front_left" in message
     assert message.endswith("such as v1_base with all links below it")
     alone = cars["v1"].replace("v1_base", "base").partition("</joint>")[2]
     assert isinstance(choose(alone), AckermannDescription)
