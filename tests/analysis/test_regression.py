@@ -351,6 +351,7 @@ def test_the_figure_can_be_read(top: Path, name: str) -> None:
     assert find_faults(made.figure) == []
 
 
+@pytest.mark.slow
 def test_runs_are_compared_by_the_validations_of_their_champions(
     top: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -382,6 +382,7 @@ def test_a_dark_screen_changes_the_colours(browser: Chrome, player: WebElement) 
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
+@pytest.mark.slow
 def test_it_prints_without_a_complaint(browser: Chrome, player: WebElement) -> None:
     assert browser.print_page()
     assert player.is_displayed()

@@ -146,6 +146,7 @@ def test_a_sweep_with_too_few_seeds_says_so_and_what_to_type(
     assert list(advise_seeds([set(range(7, 7 + needed))] * 2)) == []
 
 
+@pytest.mark.slow
 def test_evaluations_and_one_treatment_compare_nothing(tmp_path: Path, capsys: Capture) -> None:
     options = ["optimizer.generations=1", "optimizer.population_size=2"]
     assert sweep(tmp_path / "runs", *options, "seed=7,8") == DONE

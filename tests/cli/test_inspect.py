@@ -130,6 +130,7 @@ def test_a_drive_is_named_as_in_a_run(folder: Path) -> None:
     assert inspected.wheelbase_m == 0.123
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_an_own_lidar_does_not_see_the_robot(folder: Path, capsys: Capture) -> None:
     """A mast stands in its way, as on a forklift, and laser filters mask what meets it."""
@@ -359,6 +360,7 @@ def test_the_suggested_course_is_one_that_a_run_takes(
     assert len(world.course.waypoints) >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_body_that_may_fall_is_not_over_the_course(folder: Path, capsys: Capture) -> None:
     falls = box("falls", 0, 0, "2 2 1", 5.0).replace("<static>1</static>", "")
@@ -483,6 +485,7 @@ def test_a_leg_through_a_wall_is_told_and_the_fix_works_when_typed(
     assert "suggested" not in output
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_suggestion_says_where_it_lies_and_how_to_choose_another(
     folder: Path, capsys: Capture
@@ -517,6 +520,7 @@ def test_a_course_stays_on_the_floors_of_a_house_without_walls(
         assert 2.4 < abs(x) < 5.6 or y < -2.4
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_course_leads_among_bodies_that_are_lifted_out_of_the_ground(
     folder: Path, capsys: Capture

@@ -125,6 +125,7 @@ def test_a_course_is_given_where_a_home_has_no_room(folder: Path, capsys: Captur
     assert inspect(inspected("b", *words)) == DONE
 
 
+@pytest.mark.slow
 def test_a_course_has_keys(folder: Path, capsys: Capture) -> None:
     write_world(folder, model("block", BOX.format("1 1 1"), "5 5 0.5 0 0 0"))
     assert inspect(inspected("a", "world.NAME.course=1")) == INPUT
@@ -134,6 +135,7 @@ def test_a_course_has_keys(folder: Path, capsys: Capture) -> None:
     assert inspect(inspected("b", typed)) == DONE
 
 
+@pytest.mark.slow
 def test_models_of_a_folder_can_be_met(folder: Path, capsys: Capture) -> None:
     (folder / "theirs" / "crate").mkdir(parents=True)
     crate = model("crate", BOX.format("1 1 1"))

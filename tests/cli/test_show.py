@@ -21,6 +21,7 @@ def show(capsys: Capture, *arguments: object) -> str:
     return capsys.readouterr().out.partition("\n")[2]
 
 
+@pytest.mark.slow
 def test_a_design_is_the_same_wherever_it_is_recorded(tmp_path: Path, capsys: Capture) -> None:
     run = finished_run(tmp_path / "run")
     champion = pd.read_csv(run / "champion" / "design.csv")

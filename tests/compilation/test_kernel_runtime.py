@@ -9,6 +9,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -186,6 +187,7 @@ def test_compiled_and_interpreted_rules_have_the_functions_of_evoros() -> None:
     assert apply(rule, X).tolist() != wanted  # or this test could not fail
 
 
+@pytest.mark.slow
 def test_numpy_functions_of_arrays_are_those_of_their_numbers() -> None:
     wanted = [elementary.sin(x) for x in X.tolist()]
     assert apply(compiled(rule_of_arrays), X).tolist() == wanted

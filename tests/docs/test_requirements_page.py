@@ -44,6 +44,7 @@ def test_a_typed_claim_is_one_argument(tmp_path: Path) -> None:
     assert "| soon: " in (tmp_path / "tested" / "requirements.md").read_text()
 
 
+@pytest.mark.slow
 def test_the_test_of_a_project_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def quicker(overrides: list[str], config_dir: object) -> object:
         return compose(["experiment=tiny", "executor=serial", *overrides], config_dir=USER_PARTS)

@@ -192,12 +192,12 @@ def test_a_mended_folder_that_says_nothing_is_a_fault(run: Path, tmp_path: Path)
         damages.judge(silent, folder, "setting.json")
 
 
-SEEDS: dict[str, Sequence[int]] = {"hostile": (113, 115, 116, 124, 127, 131), "fuzz": range(40)}
+SEEDS: dict[str, Sequence[int]] = {"hostile": (113, 115, 116, 124, 127, 131), "fuzz": range(20)}
 MORE: dict[str, Sequence[int]] = {
     "power_cuts": (1, 5, 6, 8, *range(1002, 1008), 1010, 1011),  # of all commands
     "damages": (41, 43, 45),  # of a sweep, a killed run and an evaluation
     "hostile": (114, 117, 119, 121, 125, 129),
-    "fuzz": range(1000, 1020),
+    "fuzz": (*range(20, 40), *range(1000, 1020)),
     "kills": (2,),  # three times with two workers
 }
 

@@ -63,6 +63,7 @@ def test_the_legs_stay_clear_of_every_obstacle(obstacles: list[Footprint]) -> No
     assert room > RADIUS_M + margin - CELL_DIAGONAL_M / 2 - 0.01
 
 
+@pytest.mark.slow
 def test_a_line_through_a_narrow_passage_replaces_no_loop_with_more_room() -> None:
     """A room of 2.6 m, and a dead end as wide as the robot and 0.1 m on each side."""
     half, length, width, thick = 1.3, 4.0, 2 * RADIUS_M + 0.25, 0.2
@@ -127,6 +128,7 @@ def test_a_few_things_in_the_open_leave_room_around_them(obstacles: list[Footpri
     assert (points <= corners.max(axis=0) + AROUND_M + CELL_M).all()
 
 
+@pytest.mark.slow
 def test_a_course_stays_on_its_ground() -> None:
     """The slab ends 0.5 m beside the box on three sides; the robot has a radius of 0.3 m."""
     slab, box = rectangle(1, 0, 5, 2), rectangle(0, 0, 1, 1)

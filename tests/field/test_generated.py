@@ -233,6 +233,7 @@ def test_the_comment_does_not_name_the_place_of_a_class() -> None:
 DENSE = ("dense_crates", "dense_barrels", "dense_mixed")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DENSE)
 def test_the_dense_fields_are_what_their_comments_say(name: str) -> None:
     content = (bundled_folder("worlds") / f"{name}.sdf").read_text()

@@ -170,6 +170,7 @@ def test_small_furniture_deviates_little_or_has_many_plates(radius: float) -> No
     assert not parts.is_cut_short  # no limit of work, so nothing would be gained
 
 
+@pytest.mark.slow
 def test_a_mesh_with_many_uses_has_fewer_parts_and_they_fit_best_near_the_ground() -> None:
     trunk = grid_mesh(EL, [[0, 1, 3], [0, 1, 2], [0, 1]]) * [0.2, 0.2, 3.0]
     leaf = np.asarray(trimesh.creation.box((0.1, 0.1, 0.1)).triangles)

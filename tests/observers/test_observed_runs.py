@@ -84,6 +84,7 @@ def test_observers_get_each_generation_in_order_and_the_end() -> None:
     assert not any(key.startswith("observers") for key in last["parameters"])
 
 
+@pytest.mark.slow
 def test_a_resumed_and_extended_run_is_continued(tmp_path: Path) -> None:
     assert tiny(tmp_path / "run", OBSERVED) == DONE
     whole = (tmp_path / "run" / "missions.csv").stat().st_size
@@ -109,6 +110,7 @@ def test_a_resume_may_change_the_observers() -> None:
     assert same_files(run) == before
 
 
+@pytest.mark.slow
 def test_a_copy_is_the_same_run_and_another_run_is_not(plain: Path, tmp_path: Path) -> None:
     twin = copied(plain, tmp_path / "moved")
     assert tiny(tmp_path / "other", "seed=1") == DONE

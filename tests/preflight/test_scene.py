@@ -111,6 +111,7 @@ def warn_of_turns(file: Path, *words: str) -> str:
     return " ".join(check_drive(compose([*overrides, "executor=serial"]).build()))
 
 
+@pytest.mark.slow
 def test_wheels_that_hop_in_turns_turn_right_on_softer_ground(tmp_path: Path) -> None:
     file = write_robot(tmp_path, {0.23: 0.235, -0.23: 0.235}, width=0.1, mass=3.0)
     line = warn_of_turns(file, "simulator=mujoco")

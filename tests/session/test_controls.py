@@ -87,6 +87,7 @@ def test_differences_are_those_of_the_missions(controlled: Path) -> None:
     assert np.isclose(float(str(table.loc["no_sensors", "difference"])), difference)
 
 
+@pytest.mark.slow
 def test_missing_controls_are_made_by_resuming_with_the_same_bytes(
     controlled: Path, tmp_path: Path
 ) -> None:
@@ -111,6 +112,7 @@ def test_controls_can_be_added_to_a_finished_run(champion: Path, tmp_path: Path)
     assert set(_missions(folder)["source"]) == {"champion", "no_sensors"}
 
 
+@pytest.mark.slow
 def test_controls_of_a_smaller_search_are_refused(
     controlled: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

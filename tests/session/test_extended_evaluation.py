@@ -115,6 +115,7 @@ def validated(folder: Path, trials: int) -> int:
     return evaluate([*TINY, *places, *draws, f"validation.trials={trials}"])
 
 
+@pytest.mark.slow
 def test_the_draws_of_a_validation_go_on(tmp_path: Path, capsys: Capture) -> None:
     few, many = tmp_path / "a few" / NAME, tmp_path / "many" / NAME
     assert validated(few, 3) == NOT_DECIDED
@@ -147,7 +148,7 @@ def few(evaluated: tuple[Path, Path], tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "after", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 4)), 5]
+    "after", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 4, 5))]
 )
 def test_a_kill_while_the_folder_changes_loses_nothing(
     after: int, few: Path, evaluated: tuple[Path, Path], monkeypatch: Patch

@@ -204,6 +204,7 @@ def test_all_cases_of_failed_sensors_are_tried(file: Path, tmp_path: Path) -> No
     assert set(dead["failed_sensors"].astype(str)) == {"0"}
 
 
+@pytest.mark.slow
 def test_a_design_that_fails_without_a_failure_survives_nothing(file: Path, tmp_path: Path) -> None:
     """No robot completes the far world in its time, so that no case makes it worse."""
     folder = tmp_path / "cases"
@@ -248,6 +249,7 @@ PARTS = (
 )
 
 
+@pytest.mark.slow
 def test_levels_may_be_other_parts_of_the_experiment(file: Path, tmp_path: Path) -> None:
     """A robot whose drive fails from the start comes nowhere."""
     folder, claim = tmp_path / "parts", "mine={of: progress, at_least: 0.6, world: near}"

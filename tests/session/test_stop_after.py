@@ -25,8 +25,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def cut(tmp_path: Path) -> Path:
-    assert tiny(tmp_path / "cut", *SIZE, "stop_after.generations=2") == DONE
-    return tmp_path / "cut"
+    return finished_run(tmp_path / "cut", *SIZE, "stop_after.generations=2")
 
 
 def results(folder: Path) -> dict[str, bytes]:
@@ -100,6 +99,7 @@ def test_a_resumed_run_keeps_the_processor_times(cut: Path) -> None:
     assert status(cut)["processor_s"] == []
 
 
+@pytest.mark.slow
 def test_a_repeated_sweep_continues_its_jobs_to_a_larger_limit(tmp_path: Path) -> None:
     words = ["-m", *TINY, "executor=serial", *SIZE, "seed=1", f"hydra.sweep.dir={tmp_path}"]
     for limit in (1, 2):
@@ -131,6 +131,7 @@ def test_each_session_has_its_wall_clock_limit(tmp_path: Path, whole: Path) -> N
     assert results(folder) == results(whole)
 
 
+@pytest.mark.slow
 def test_a_stopped_run_can_be_reproduced(cut: Path, tmp_path: Path) -> None:
     assert evoros(["resume", str(cut), "stop_after.generations=3"]) == DONE
     again = tmp_path / "again"

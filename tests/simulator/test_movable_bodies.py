@@ -266,6 +266,7 @@ def test_a_pushed_body_stays_on_the_ground_and_ahead_of_the_rover(
     assert seen[0] == seen[1]
 
 
+@pytest.mark.slow
 def test_steps_stay_long_where_nothing_is_pushed(experiment: Experiment) -> None:
     """In missions that end at the first contact, and far from bodies."""
     near, far = box("box", 1.0, size=CUBE, mass=1.0), box("box", 5.0, size=CUBE, mass=1.0)

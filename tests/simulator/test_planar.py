@@ -68,7 +68,7 @@ def test_arcs_do_not_depend_on_the_step() -> None:
     np.testing.assert_allclose(ends[0], ends[2], atol=1e-12)
 
 
-@pytest.mark.parametrize("lags", [(0.05, 0.0), (0.05, 0.2), (0.2, 0.1)])
+@pytest.mark.parametrize("lags", [(0.05, 0.0), (0.2, 0.1)])
 def test_a_third_of_the_step_makes_a_seventh_of_the_error(lags: tuple[float, float]) -> None:
     """The motion is second order in the step: its error falls ninefold, not threefold."""
     low, high = (0.1, -0.6), (0.5, 0.6)
