@@ -32,10 +32,10 @@ class DifferentialDescription(DriveDescription):
 
     on_one_axle = True
     steering_joints = ()  # nothing is steered
-    wheel_joints: Annotated[Sequence[str], PAIR]  # links that slide on the ground without friction
+    wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis points left
     caster_links: Annotated[Sequence[str], LINKS]  # links that slide on the ground without friction
     wheelbase_m: Annotated[float, POSITIVE]  # bicycle model: curvature = tan(steering) / wheelbase
-    steering_limit_rad: Annotated[float, ANGLE]  # rim speed of each wheel
+    steering_limit_rad: Annotated[float, ANGLE]  # bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # rim speed of each wheel
 
     @classmethod

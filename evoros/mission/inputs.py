@@ -122,12 +122,12 @@ class Arrays(NamedTuple):
     routes: Array  # (legs, 2) [m], waypoints in driving order, constant
     states: Array  # (robots * STATE_SIZE,) true states, then walkers' reports
     poses: Array  # (robots * STATE_SIZE,) states as localized
-    legs: Array  # (robots * COMMAND_SIZE,) drive input; ``commands`` itself without faults
+    legs: Array  # (robots * LEG_SIZE,)
     commands: Array  # (robots * COMMAND_SIZE,) output of the controllers
     driven: Array  # (robots * COMMAND_SIZE,) drive input; ``commands`` itself without faults
     signals: Array  # output of the simulation: true ranges [m] and signals of other sensors
     readings: Array  # (channels,) readings of all sensors after filtering
-    decisions: Array  # time [s] since the start, then since each trigger's event (-1: no event yet)
+    decisions: Array  # (robots + layers,) number of decisions by no layer and by each layer
     counts: Array  # (COUNTS, robots)
     clocks: Array  # time [s] since the start, then since each trigger's event (-1: not yet)
     triggers: Array  # (triggers, TRIGGER_SIZE), see ``evoros.mission.triggers``

@@ -45,7 +45,7 @@ class Progress(_Shown, Display):
 
     def __init__(self, shown: bool = True) -> None:
         super().__init__(open_screen(self.line) if shown else None)
-        self.since: float | None = None  # missions, and seconds simulated, in this session
+        self.since: float | None = None  # [s], time.monotonic() at the first mission
         self.missions, self.simulated = 0, 0.0  # totals of this session
         self.best: float | None = None
         self._mean: float | None = None
