@@ -178,7 +178,7 @@ def _describe_control(row: Mapping[Any, Any], label: str) -> str:
     if not champion:
         return f"{text}; the champion completes none, so the comparison is inconclusive"
     if row["control_fitness"] == row["champion_fitness"]:
-        return f"{text}; the scores are equal, so this is probably the champion itself"
+        return f"{text}; the scores are equal, so the control is probably the champion itself"
     if high <= (1 - LITTLE) * champion:
         return f"{text}; {DECIDES.get(row['control'], 'the search')} made little difference here"
     return text if low > 0 else f"{text}; no evidence that the champion is better"

@@ -55,8 +55,9 @@ def _warn_never_completed(rows: Iterable[Row]) -> str:
     fix = "raise time_limit_s of the course" if 2 * limits > missions else _EASIER
     if (share := avoiding / missions) > CAUGHT:
         fix = (
-            f"the robots made {100 * share:.0f} % of their decisions to avoid something, perhaps a "
-            "wall or themselves: see evoros analyze mission, and shorten the range of the avoidance"
+            f"{100 * share:.0f} % of the robots' decisions avoided something, perhaps a wall or "
+            "the robot itself; draw a mission with evoros analyze mission, and lower the range "
+            "of the avoidance"
         )
     return (
         f"no mission was completed ({missions} tried); the best reached {100 * farthest:.0f} % "

@@ -96,7 +96,7 @@ def test_a_run_that_completes_nothing_says_so(
         assert "raise time_limit_s of the course" in line
 
 
-@pytest.mark.parametrize(("avoiding", "advised"), [(0.9, "shorten the range"), (0.5, "raise time")])
+@pytest.mark.parametrize(("avoiding", "advised"), [(0.9, "lower the range"), (0.5, "raise time")])
 def test_robots_that_only_avoid_are_not_given_more_time(
     avoiding: float, advised: str, tmp_path: Path
 ) -> None:
