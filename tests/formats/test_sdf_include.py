@@ -247,7 +247,7 @@ def test_a_joint_may_have_the_name_of_a_link_as_in_old_files(tmp_path: Path, cap
         caplog.clear()
         world = load(tmp_path, f"<model name='m'>{parts}</model>")
         assert [len(body.shapes) for body in world.bodies] == [2]
-        assert "it is renamed to 'door_joint'" in caplog.text
+        assert "and is renamed to 'door_joint'" in caplog.text
 
 
 # ---- What is wrong.

@@ -128,7 +128,10 @@ def test_controls_of_a_smaller_search_are_refused(
     ("overrides", "message"),
     [
         (("controls.trials=0",), "controls.trials: must be a positive integer, not 0"),
-        (("controls.designs=[]",), "controls.designs: must be a list of no_sensors, random"),
+        (
+            ("controls.designs=[]",),
+            "controls.designs: must be a list of distinct entries: no_sensors, random",
+        ),
         (("controls.designs=[missing.csv]",), "missing.csv: not found"),
         (("optimizer=random_search",), "random is not a control, because the run itself is"),
         (
