@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from lxml.etree import _Element as Element
 
-from evoros.base.arrays import length
+from evoros.base.arrays import length, principal_axes
 from evoros.base.errors import InputError
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import CASTER, TURNING
@@ -21,7 +21,7 @@ from evoros.formats.notes import Notes, list_notes, note_degrees
 from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.elements import correct_inertias, give_mass, require_limit, set_inertial
-from evoros.formats.urdf.parts import read_origin
+from evoros.formats.urdf.parts import read_origin, read_tensor
 from evoros.formats.urdf.solids import SolidsReader, read_visual_solids
 from evoros.formats.urdf.tree import Urdf, UrdfDocument, read_tree
 from evoros.formats.urdf.xacro_expansion import ReadOptions
@@ -43,6 +43,7 @@ _LOG = logging.getLogger(__name__)
 
 GRAVITY_MPS2 = 9.81
 DENSEST_KG_M3 = 22_600.0  # density of osmium, the densest metal
+LARGEST_SHARE = 10.0  # maximum inertia of a wheel, as a multiple of that with its mass on the rim
 STEERING_STOP_RAD = 0.8  # limit [rad] of steering joints without a stated limit
 
 
@@ -146,8 +147,8 @@ def _complete_masses(
 
 
 def _balance_wheels(elements: Element, urdf: Urdf, drive: DriveDescription) -> list[str]:
-    """Move the centre of mass of a wheel into the wheel if it lies outside the rim."""
-    moved = []
+    """Correct wheels whose centre of mass lies outside the rim or whose inertia is too large."""
+    moved, slow = [], []
     for joint in (urdf.joints[name] for name in drive.wheel_joints):
         link = next(link for link in elements.findall("link") if link.get("name") == joint.child)
         inertial, (shape, *_) = link.find("inertial"), urdf.shapes[joint.child]
@@ -155,12 +156,22 @@ def _balance_wheels(elements: Element, urdf: Urdf, drive: DriveDescription) -> l
             continue
         centre = np.array(read_origin(inertial).position)
         off = length(np.cross(centre, joint.axis))
+        mass = float(require_child(inertial, "mass").get("value", "0"))
+        rim = mass * shape.size[0] * shape.size[0]
+        least = float(principal_axes(read_tensor(require_child(inertial, "inertia")))[0].min())
         if off > shape.size[0]:
-            mass = float(require_child(inertial, "mass").get("value", "0"))
-            moment = 0.5 * mass * shape.size[0] * shape.size[0]
-            set_inertial(link, mass, np.array(shape.pose.position), moment * np.eye(3))
             moved.append(f"{joint.child} ({off:.3g} m from its axle)")
-    return list_notes({"centres of mass outside their wheels are moved into the wheels": moved})
+        elif least > LARGEST_SHARE * rim:
+            slow.append(f"{joint.child} ({least:.3g} kg m2, at most {rim:.2g} on its rim)")
+        else:
+            continue
+        set_inertial(link, mass, np.array(shape.pose.position), 0.5 * rim * np.eye(3))
+    return list_notes(
+        {
+            "centres of mass outside their wheels are moved into the wheels": moved,
+            "inertias too large for their wheels are replaced with inertias of cylinders": slow,
+        }
+    )
 
 
 def _tell_dense(elements: Element, urdf: Urdf) -> list[str]:

@@ -450,6 +450,15 @@ def test_a_wheel_whose_mass_is_elsewhere_is_balanced(
     assert any("outside their wheels" in message for message in caplog.messages) == moved
 
 
+def test_a_wheel_gets_no_inertia_that_no_wheel_of_its_size_has(tmp_path: Path, caplog: Log) -> None:
+    """The robot of the URDF tutorial has 1 kg m2 in wheels of 3.5 cm: it rears up."""
+    mass = INERTIAL.format(1.0, 0.1)
+    robot = load(tmp_path, BASE, wheel("left", mass=mass), wheel("right"), CASTER)
+    inertia = element(robot, "link[@name='left_wheel']/inertial/inertia")
+    assert float(str(inertia.get("iyy"))) == pytest.approx(0.5 * 0.05**2)
+    assert told(caplog, "left_wheel (0.1 kg m2, at most 0.0025 on its rim)")
+
+
 @pytest.mark.parametrize(("limit", "warns"), [(0.6, False), (3.1416, False), (35, True)])
 def test_stops_of_a_steering_in_degrees_are_told(
     tmp_path: Path, caplog: Log, limit: float, warns: bool
