@@ -16,7 +16,7 @@ from evoros.config.compose import compose
 from evoros.filter.growing_noise import GrowingNoise
 from evoros.filter.protocol import Channels
 from evoros.geometry.shapes import Pose, Shape
-from evoros.plugins.recordings.video.renderer import Fan, _reach_at
+from evoros.plugins.recordings.video.blending import blend
 from evoros.robot.model import Robot
 from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
@@ -156,18 +156,19 @@ def test_ranges_are_shown_by_sensor_and_sector() -> None:
     assert [sector[0] for sector in sectors] == [71.0 - 2 * k for k in range(MAX_SECTORS)]
 
 
-def test_a_fan_of_a_scan_ends_at_the_range_of_each_sector() -> None:
-    ranges = np.array([1.0, 2.0, 3.0, 4.0])
-    fan = Fan(np.eye(4), math.pi, ranges, 4.0, np.zeros(3, np.uint8))
-    angles = np.radians([-135.0, -45.0, 45.0, 135.0])
-    u, v = np.cos(angles).astype(np.float32), np.sin(angles).astype(np.float32)
-    assert _reach_at(u, v, fan).tolist() == ranges.tolist()
-    one = replace_reach(fan, np.array([2.5]))
-    assert _reach_at(u, v, one).tolist() == [2.5] * 4
-
-
-def replace_reach(fan: Fan, reach: Array) -> Fan:
-    return fan._replace(reach_m=reach)
+@pytest.mark.parametrize("ranges", [[1.0, 2.0, 3.0, 4.0], [2.5]])
+def test_a_fan_of_a_scan_ends_at_the_range_of_each_sector(ranges: list[float]) -> None:
+    """Seen from above, 10 pixels a metre."""
+    picture, depth = np.zeros((100, 100, 3), np.float32), np.full((100, 100), 2.0, np.float32)
+    plane = np.array([[0.1, 0.0, -5.0], [0.0, 0.1, -5.0], [0.0, 0.0, 1.0]])
+    shape = np.array([math.pi, 4.0, 10.0, 0.0, 0.0, 1.0])
+    blend(picture, depth, np.array([0, 100] * 2), plane, shape, np.array(ranges), np.ones(3))
+    for angle, reach in zip(
+        np.radians([-135, -45, 45, 135]), np.broadcast_to(ranges, 4), strict=True
+    ):
+        for distance, is_seen in ((reach - 0.3, True), (reach + 0.3, False)):
+            column, row = (int(50 + 10 * distance * f(angle)) for f in (np.cos, np.sin))
+            assert (picture[row, column, 0] > 0.0) == is_seen
 
 
 eyes = st.builds(
