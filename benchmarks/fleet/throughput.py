@@ -177,7 +177,7 @@ def start_cluster(folder: Path, workers: int) -> list["subprocess.Popen[bytes]"]
     started.extend(more)
     from distributed import Client
 
-    with Client(scheduler_file=str(file)) as client:  # type: ignore[no-untyped-call]
+    with Client(scheduler_file=str(file)) as client:
         while sum(client.nthreads().values()) < nodes * (workers // nodes):
             time.sleep(0.1)
     return started

@@ -276,5 +276,5 @@ def test_the_arrowheads_of_a_robot_that_circles_do_not_hide_its_path() -> None:
     path = pd.DataFrame({"x_m": 0.5 * np.cos(turns), "y_m": 0.5 * np.sin(turns)})
     axes = Figure().add_subplot()
     draw_direction(axes, path, 1)
-    places = np.array([line.get_xydata()[0] for line in axes.lines])
+    places = np.array([np.asarray(line.get_xydata())[0] for line in axes.lines])
     assert 0 < len(places) < 6

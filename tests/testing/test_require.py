@@ -58,6 +58,7 @@ def test_no_mission_is_an_error() -> None:
         require(table([True]), complete={"of": "complete", "at_least": 0.5, "share": 0.5})
 
 
+@pytest.mark.slow
 def test_missions_of_an_evaluator_and_of_a_folder_are_the_same(tmp_path: Path) -> None:
     (tmp_path / "one.csv").write_text(DESIGN)
     typed = [*TINY, "executor=serial", f"designs={tmp_path / 'one.csv'}", "trials=20"]

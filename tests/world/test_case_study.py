@@ -113,7 +113,7 @@ def test_the_course_is_changed_in_all_worlds_at_once(tmp_path: Path) -> None:
     assert limits == {"boxes": 60.0, "maze": 30.0, "blocks": 60.0}
 
 
-@pytest.mark.parametrize("world", ["maze", "case_study", "[blocks,maze]"])
+@pytest.mark.parametrize("world", ["case_study", "[blocks,maze]"])
 def test_an_experiment_takes_any_of_the_worlds(world: str) -> None:
     for name in ("as_run", "case_study", "quickstart", "free_placement"):
         experiment = compose_evoros([f"experiment={name}", f"world={world}"]).build()

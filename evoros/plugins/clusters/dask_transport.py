@@ -271,7 +271,7 @@ def start_cluster(workers: int) -> Iterator[str]:
     with (
         tempfile.TemporaryDirectory(prefix="evoros-dask-") as folder,
         dask.config.set(LOCAL_SETTINGS),
-        LocalCluster(  # type: ignore[no-untyped-call]
+        LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             host="127.0.0.1",
@@ -309,9 +309,7 @@ def connect(address: str) -> Iterator[DaskTransport]:
     """Connect to a scheduler; raise RunStopped if it does not answer."""
     address = _read_address(address)
     try:
-        client: Any = Client(  # type: ignore[no-untyped-call]
-            address, timeout=CONNECT_S, set_as_default=False, name="evoros"
-        )
+        client: Any = Client(address, timeout=CONNECT_S, set_as_default=False, name="evoros")
     except (OSError, TimeoutError, ValueError, ImportError) as error:
         raise RunStopped(
             f"executor.address: no Dask scheduler answers at {address} ({single_line(error)}); "

@@ -148,6 +148,7 @@ def test_figures_are_written_beside_an_archive(case: Case, tmp_path: Path) -> No
     assert (tmp_path / "study_analysis" / "figures" / "fitness.pdf").is_file()
 
 
+@pytest.mark.slow
 def test_one_of_several_runs_is_named(tmp_path: Path, capsys: Capture) -> None:
     study, file = tmp_path / "study", tmp_path / "study.zip"
     for name in ("a", "b"):
@@ -189,6 +190,7 @@ MAIN = "evoros.__main__"
 # Sweeps and evaluations ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_of_a_sweep_names_it_without_its_path(tmp_path: Path) -> None:
     sweep = tmp_path / "sweep"
     given = [*TINY, "executor=serial", "optimizer.generations=1", f"hydra.sweep.dir={sweep}"]
@@ -204,6 +206,7 @@ def test_a_run_of_a_sweep_names_it_without_its_path(tmp_path: Path) -> None:
         assert reproduce([str(file), "--output", str(tmp_path / f"{folder.name}-again")]) == DONE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("study_too", [True, False])
 def test_an_evaluation_names_no_folder_of_the_machine(study_too: bool, tmp_path: Path) -> None:
     """The evaluation itself records the full paths of its runs, as typed."""

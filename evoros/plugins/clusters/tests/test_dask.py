@@ -215,7 +215,7 @@ def test_a_call_for_workers_that_have_all_left_runs_in_one_that_joins(tmp_path: 
     wanted = dict(describe_environment())
     with (
         cluster(tmp_path, workers=0) as empty,
-        Client(empty.address, set_as_default=False) as client,  # type: ignore[no-untyped-call]
+        Client(empty.address, set_as_default=False) as client,
         connect(empty.address) as transport,
     ):
         dasks = client.submit(pow, 3, 2, workers=[gone], allow_other_workers=True)

@@ -80,6 +80,7 @@ def test_ros_knows_the_package(package: Path) -> None:
     assert set(installed[1].split()) == {f.name for f in package.iterdir() if f.is_dir()}
 
 
+@pytest.mark.slow
 @pytest.mark.ros(1)
 def test_catkin_reads_the_package(package: Path) -> None:
     text = (package / "package.xml").read_text()

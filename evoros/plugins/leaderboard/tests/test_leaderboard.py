@@ -117,6 +117,7 @@ def test_a_run_of_no_task_is_refused(tmp_path: Path) -> None:
     assert "validation.trials" in message
 
 
+@pytest.mark.slow
 def test_a_score_of_more_trials_than_those_of_the_task_is_refused(tmp_path: Path) -> None:
     """The search has its own optimizer, but not its own exam."""
     evoros.run([*FEW, "optimizer.validation_trials=31"], tmp_path / "run")

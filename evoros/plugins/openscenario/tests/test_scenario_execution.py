@@ -183,6 +183,7 @@ def test_a_driven_robot_goes_where_it_is_driven_and_then_its_own_way(
     assert (pd.read_csv(here / "kept" / "trajectory.csv")["steering_rad"].iloc[-10:] != 0.0).any()
 
 
+@pytest.mark.slow
 def test_a_failure_model_may_choose(run: Callable[..., Ended]) -> None:
     chosen = scenario(
         "wait elapsed(2s)",
@@ -223,10 +224,7 @@ def test_a_robot_without_faults_reaches_two_waypoints(
 
 @pytest.mark.parametrize(
     "part",
-    [
-        part if part in ("steering", "left_wheel") else pytest.param(part, marks=pytest.mark.slow)
-        for part in FAULTS
-    ],
+    [part if part == "steering" else pytest.param(part, marks=pytest.mark.slow) for part in FAULTS],
 )
 def test_a_part_that_fails_at_a_waypoint_keeps_the_robot_from_the_next_one(
     run: Callable[..., Ended], here: Path, part: str
@@ -246,6 +244,7 @@ def test_a_part_that_fails_at_a_waypoint_keeps_the_robot_from_the_next_one(
     assert row["visited"] == 1
 
 
+@pytest.mark.slow
 def test_parts_fail_at_places_and_one_after_another(run: Callable[..., Ended], here: Path) -> None:
     """A failure that waits for a place, amid a mission whose sonars fail, too."""
     told = scenario(

@@ -34,7 +34,7 @@ class Entities(NamedTuple):
     @property
     def address(self) -> str:
         """The path, as written in the viewer."""
-        return rr.new_entity_path([*self.path])
+        return str(rr.new_entity_path([*self.path]))
 
     def show(self, *things: rr.AsComponents) -> None:
         """Log archetypes that hold for all times."""

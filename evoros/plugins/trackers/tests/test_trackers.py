@@ -147,6 +147,7 @@ class TestWandb(ObserverSuite):
         return read_wandb(run.origin, run.id)
 
 
+@pytest.mark.slow
 def test_variables_of_an_agent_do_not_join_runs(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr("sys.argv", ["evoros", "hydra.run.dir=caf\udce9"])  # Latin-1 as typed
     for name in FOREIGN:

@@ -150,6 +150,7 @@ def test_a_damaged_run_is_told_and_the_page_stays(drawn: tuple[Path, Watcher]) -
     assert b"<svg" in read(contents, "part/figures")
 
 
+@pytest.mark.slow
 def test_drawing_pauses_until_it_has_used_no_more_than_its_share(
     drawn: tuple[Path, Watcher], monkeypatch: pytest.MonkeyPatch
 ) -> None:
