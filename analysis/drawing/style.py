@@ -201,7 +201,7 @@ def write_png(figure: Figure, file: Path | str | IO[bytes], dpi: float = _DPI) -
 
 
 def save_png(picture: Image.Image, file: Path | str | IO[bytes], dpi: float = _DPI) -> None:
-    """Write a picture, with a palette of 256 colours if opaque and if this is accurate enough."""
+    """Write a picture, with a palette of 256 colours if it is opaque and stays accurate enough."""
     chosen = picture
     if np.asarray(picture.convert("RGBA"))[..., 3].min() == 255:
         opaque = picture.convert("RGB")

@@ -236,7 +236,7 @@ def _draw_pairs(axes: Axes, pairs: pd.DataFrame) -> None:
     for place in (axes.axvspan, axes.axhspan):
         place(high, end, color="0.94", lw=0, zorder=0)
     axes.plot([low, high], [low, high], color="0.5", lw=0.7, ls=(0, (4, 2)), zorder=1)
-    # The less progress, the farther out in the band.
+    # Missions with less progress are farther out in the band.
     progress = pairs[[f"{PROGRESS}_a", f"{PROGRESS}_b"]].to_numpy(float)
     lost = high + (end - high) * (0.15 + 0.7 * (1 - np.nan_to_num(progress)))
     places = np.where(np.isnan(times), lost, times)

@@ -143,7 +143,7 @@ def find_span(costs: Mapping[str, "pd.Series[float]"], axis: str, budget: float 
 
 
 def average(trace: "pd.Series[float]", span: Span) -> float:
-    """Return the mean over a span of a step function, given by its value from each cost on."""
+    """Return the mean of a step function over a span; ``trace`` has the value from each cost on."""
     start, end = span
     inside = trace.index[(trace.index > start) & (trace.index < end)].to_numpy(float)
     edges = np.array([start, *inside, end])

@@ -167,7 +167,7 @@ class Study:
     def choose(
         self, name: str | None, read: Callable[[Record], Result], unfinished: bool = False
     ) -> tuple[Record, Result]:
-        """Read the named run, or else the best readable run, finished runs first."""
+        """Read the named run, by default the best readable run; finished runs precede others."""
         study = self if name is None else self.keep([self.find(name)])
         candidates = study.ordered if unfinished else study.ranked
         if len(candidates) == 1:

@@ -27,7 +27,7 @@ class Interrupts:
         self._handlers = {
             signum: signal.signal(signum, self._interrupt)
             for signum in (signal.SIGINT, signal.SIGTERM)
-            if signal.getsignal(signum) != signal.SIG_IGN  # nohup makes the process ignore some
+            if signal.getsignal(signum) != signal.SIG_IGN  # nohup ignores some signals
         }
         return self
 

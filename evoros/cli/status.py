@@ -51,7 +51,7 @@ def _look(folder: Path) -> tuple[str, bool]:
     return format_folders(folder, overviews), running
 
 
-KEPT, REFUSED = "kept", "refused"  # states: complete before the sweep; has a fault
+KEPT, REFUSED = "kept", "refused"  # states: complete before the sweep; rejected for a fault
 SCORES = COLUMNS.index("missions") + 1  # number of ``COLUMNS`` shown for jobs
 CUT, GAP, SHORTEST = "...", 2, 16  # ellipsis, spaces between columns, minimum width of names
 

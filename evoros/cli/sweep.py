@@ -75,7 +75,7 @@ class SharedPool:
         return 1 if self._pool is None else jobs_at_once(self._pool.workers)
 
     def start(self, executor: Executor) -> Pool:
-        """Start the pool if it is not running; raises the errors of ``Executor.open``."""
+        """Start the pool if it is not running; raise the errors of ``Executor.open``."""
         with self._lock:
             if self._stopping:
                 raise KeyboardInterrupt
@@ -152,7 +152,7 @@ class Sweep:
         self._threads.shutdown()
 
     def _use_executor(self, executor: Executor) -> None:
-        if executor != self._pool.executor:  # two pools would compete for cores
+        if executor != self._pool.executor:  # two pools at once would compete for cores
             self._wait(0)
             self._pool.close()
             self._pool = SharedPool(executor)
@@ -287,7 +287,7 @@ def build_job(config_dir: str | None, job: Job) -> Session | None:
 def begin_all(jobs: Iterable[Job], sweep: Sweep, interrupts: Interrupts) -> int:
     """Start jobs until a signal arrives, wait for them, and return the number of started jobs."""
     begun = 0
-    with closing(sweep), suppress(KeyboardInterrupt):  # each job reports how to resume it
+    with closing(sweep), suppress(KeyboardInterrupt):  # each job reports its resume command
         for job in jobs:
             sweep.begin(job)  # blocks while enough jobs are running
             begun += 1

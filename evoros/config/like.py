@@ -35,7 +35,7 @@ ReadRun: TypeAlias = Callable[[str, frozenset[str]], RecordedRun]
 def choose_primary(
     primary: str, overrides: Sequence[str], config_dir: str | Path | None, read: ReadRun
 ) -> tuple[str, dict[str, str]]:
-    """Return the file to compose (recorded if ``like`` is given) and recorded choices to keep."""
+    """Return the primary file (the recorded one with ``like=``), and recorded choices to keep."""
     if primary != EVALUATE or not any(text.startswith(f"{LIKE}=") for text in overrides):
         return primary, {}
     like = next(override for override in parse(overrides) if override.key_or_group == LIKE)

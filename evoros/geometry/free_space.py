@@ -1,4 +1,4 @@
-"""A grid of positions at which a robot's centre is clear of obstacles and above ground."""
+"""A grid of positions, free if a robot centred there is on ground and touches no obstacle."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -134,7 +134,7 @@ DIRECTIONS = (
 """Sixteen directions, about 22.5 deg apart, as (x, y) steps."""
 SHELTERED = 13  # minimum number of blocked directions between walls; outer corners have twelve
 WALLED = 0.7  # minimum fraction of obstacles on an enclosed region's border; the rest is doors
-# minimum fraction of all free cells or of all enclosed cells, and of all free cells in any case
+# sufficient share of all free cells or of all enclosed cells, and required share of free cells
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01
 
 

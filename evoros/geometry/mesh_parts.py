@@ -102,7 +102,7 @@ def _limit_pieces(most: int, extent: float) -> int:
     return min(most, max(_FEWEST, math.ceil(2 * extent / TOLERANCE_M)))
 
 
-_FEWEST = 12  # minimum of the limits on surfaces, and on pieces of a surface
+_FEWEST = 12  # lower bound of the limits on surfaces, and on pieces of a surface
 _PLATES = 128  # maximum number of plates of a surface with a small share of the area
 _SMALL, _LARGE = _Limits(256, 0, 64), _Limits(2048, 4096, 256)
 _LARGE_M = 5.0  # extent [m] from which a mesh is a building or a landscape

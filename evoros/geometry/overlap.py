@@ -134,7 +134,7 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
     """Intersect a hull with the vertical axis; return the lifts, and the normals of the faces hit.
 
-    If the axis misses the hull, the only normal is horizontal: of a face that separates the two.
+    If the axis misses the hull, return only a horizontal normal, which separates the two.
     """
     rise, offset = planes[:, 2], planes[:, 3]
     aside = np.flatnonzero(np.abs(rise) <= SIDEWAYS)

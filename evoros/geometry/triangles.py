@@ -193,8 +193,8 @@ def _separate(surface: Surface) -> tuple[Surface, Indices] | None:
     order = np.lexsort((rises, turns, edges))
     first = order[np.cumsum(sizes) - sizes]
     turns[first[rises[first]]] = np.inf
-    # The solid at an edge lies between a face that runs along the edge to the lower index and the
-    # next face, which runs back.
+    # The solid at an edge lies between a face that runs along the edge towards the lower index and
+    # the next face, which runs in the opposite direction.
     down, up = np.lexsort((rises, turns, edges)).reshape(-1, 2).T
     if rises[down].any() or not rises[up].all():
         return None

@@ -156,8 +156,8 @@ Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 Run = Callable[[LoopCall], LoopResult]  # runs the loop with the given arguments
 
 
-OBSERVE, SENSE, ADVANCE = range(3)  # indices in the parameters of an engine's call addresses
-TIME, ANSWER = range(2)  # indices in the memory of a layer that calls Python at its parameter
+OBSERVE, SENSE, ADVANCE = range(3)  # indices of an engine's call addresses in the parameters
+TIME, ANSWER = range(2)  # indices in the memory of a layer written in Python
 
 CALLBACK = CFUNCTYPE(None)
 Expose: TypeAlias = Callable[[Callable[[], object]], float]

@@ -91,7 +91,7 @@ class Member:
         return replace(member, robot=robot)
 
     def name_columns(self, design: Design) -> list[str]:
-        """Return the robot's trajectory columns, even for a design that a part refuses."""
+        """Return the robot's trajectory columns, even for a design that a part rejects."""
         try:
             sensors = self.with_design(design).design.sensors
         except InputError:

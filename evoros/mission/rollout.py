@@ -187,7 +187,7 @@ def run_mission(scenario: Scenario, mission: Mission, run: Run = run_call) -> Ro
     """Run a mission.
 
     A failed simulation has an outcome, because a retry would fail again; so has a design that a
-    part refuses.
+    part rejects.
 
     Raises:
         InputError: a part refuses to start for a reason other than an evolved value.

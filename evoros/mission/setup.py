@@ -150,7 +150,7 @@ def _number(robots: Sequence[Sequence[inputs.FilterStage]]) -> tuple[inputs.Filt
 
 
 def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
-    """Check the arrays of a rule here, because compiled code does not check them."""
+    """Check the arrays of a rule, because compiled code does not check them."""
     for name, array in (("parameters", parameters), ("memory", memory)):
         fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
         if not (fits and array.flags.c_contiguous and array.flags.writeable):

@@ -82,7 +82,7 @@ def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozen
 
 
 SWEEP = 17  # number of steering angles, from lock to lock, at which checks test steered wheels
-BURIED_M = 0.1  # maximum length [m] of a ray inside the shape where it starts; longer: hidden
+BURIED_M = 0.1  # [m], maximum path inside a shape of a ray that starts there and is not blocked
 
 
 class Steering(NamedTuple):

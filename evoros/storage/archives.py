@@ -193,7 +193,7 @@ class Relocation:
 
     def _replace(self, match: Match[str]) -> str:
         place = self.places[match[1]]
-        if place == ".":  # dropping the prefix leaves a relative path
+        if place == ".":  # relative to the folder without a prefix
             return "" if match[2] else place
         return place + (match[2] or "")
 

@@ -176,7 +176,7 @@ _ADDRESS = re.compile(
     re.IGNORECASE,
 )
 _CACHES = {"GZ_FUEL_CACHE_PATH": "~/.gz/fuel", "IGN_FUEL_CACHE_PATH": "~/.ignition/fuel"}
-_HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")  # names of one server in caches
+_HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")  # both names of the server in caches
 
 
 @dataclass(frozen=True)

@@ -168,7 +168,7 @@ def read_tree(robot: Element, source: str) -> Urdf:
 
 
 def read_frames(robot: Element, source: str) -> Urdf:
-    """Read the links and joints of a ``<robot>``, without shapes, which may be of any kind."""
+    """Read the links and joints of a ``<robot>``, and ignore the shapes."""
     bare = deepcopy(robot)
     for link in bare.findall("link"):
         for shape in [*link.findall("collision"), *link.findall("visual")]:

@@ -200,7 +200,7 @@ def relative_difference(
 
 
 def read_diversity(record: Record) -> pd.DataFrame:
-    """Return the mean distances between designs in the first and last population, with copies."""
+    """Return the mean distances between designs, with copies, in the first and last population."""
     table = read_generations(record)
     first = table[table.generation == 0].drop_duplicates("id")
     pool = table[table.generation == table.generation.max()]

@@ -124,7 +124,7 @@ FULL_TURN = 2.0 * math.pi
 class Stride(NamedTuple):
     """The motion of an unblocked robot in a step."""
 
-    rolled: float  # [m], distance of the rear axle's centre
+    rolled: float  # [m], distance driven by the rear axle's centre
     turned: float  # [rad]
     yaw: float  # [rad], yaw after the step
     pose: PlanarPose  # after the step

@@ -39,7 +39,7 @@ class Client:
         attribute = getattr(self._library, name)
         if isroutine(attribute):
             attribute = partial(attribute, physicsClientId=self._id)
-        setattr(self, name, attribute)  # looks each function up only once
+        setattr(self, name, attribute)  # later uses need no lookup
         return attribute
 
 
@@ -143,7 +143,7 @@ class Engine:
         )
 
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
-        """Place the robots at rest at home, after a step far apart in which old contacts end."""
+        """Place the robots at rest at home, after a step high above it, which ends old contacts."""
         for index, robot in enumerate(robots):
             self._place(robot, LIFT_M * (index + 1))
         self.bullet.stepSimulation()

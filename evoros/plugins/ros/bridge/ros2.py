@@ -40,7 +40,7 @@ class Mission:
         """Start the nodes and join the graph; import rclpy while the nodes start."""
         self._conversation, briefing = conversation, conversation.briefing
         try:
-            # held until this process exits
+            # the claim is kept until this process exits
             self._claim = launch.set_environment(briefing["ros"]["isolate"])
         except OSError as error:
             conversation.refuse(f"controller: this system cannot run ROS 2 missions ({error})")
