@@ -137,10 +137,10 @@ IN_FILES = frozenset(field.name for field in fields(SdfOptions))
 OF_WORLDS = IN_FILES.union(field.name for field in fields(Course))
 """Keys of the file of a world, which evoros inspect takes, too."""
 PROSE = frozenset((
-    *("again", "and", "answers", "beside", "by", "can", "casts", "computed", "core", "does"),
-    *("evaluates", "for", "from", "has", "ignores", "in", "is", "itself", "made", "or", "printed"),
-    *("publishes", "ran", "root", "run", "runs", "see", "supports", "takes", "that", "there"),
-    *("treats", "under", "which", "with", "writes", "wrote"),
+    *("again", "and", "answers", "beside", "by", "can", "cannot", "casts", "computed", "core"),
+    *("does", "evaluates", "for", "from", "has", "ignores", "in", "is", "itself", "made", "or"),
+    *("printed", "publishes", "ran", "root", "run", "runs", "see", "supports", "takes", "that"),
+    *("there", "treats", "under", "which", "with", "writes", "wrote"),
 ))  # fmt: skip
 """Words that follow evoros in a sentence."""
 FOREIGN = frozenset({"--count", "--no-install-recommends", "--scheduler-file", "--simulation"})
