@@ -25,16 +25,7 @@ from ..designs.features import (
     compare_with_random,
     describe_designs,
 )
-from ..drawing.style import (
-    PAGE_IN,
-    abbreviate,
-    assign_colours,
-    assign_dashes,
-    figure_width,
-    is_wide,
-    scatter_aside,
-    use_style,
-)
+from ..drawing import style
 from ..statistics.small_samples import describe_shortfalls
 from ..subcommands import Product
 from ..tables.champions import read_champion
@@ -93,7 +84,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     order = table.treatment.map(study.treatments.index).sort_values(kind="stable").index
     table = table.loc[order].reset_index(drop=True)
     summary = compare_with_random(table, study.rings)
-    figure = draw_strategies(table, summary, figure_width(options.columns, 2))
+    figure = draw_strategies(table, summary, style.figure_width(options.columns, 2))
     short = describe_shortfalls("mean, bootstrap")
     return Product(summary, figure, [*about, *report_designs(summary), *short])
 
@@ -121,19 +112,21 @@ def report_designs(summary: pd.DataFrame) -> list[str]:
     return lines
 
 
-def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_IN) -> Figure:
+def draw_strategies(
+    table: pd.DataFrame, summary: pd.DataFrame, width: float = style.PAGE_IN
+) -> Figure:
     """Plot coverage by heading and three features; ``width`` is in inches."""
     treatments = list(dict.fromkeys(table.treatment))
-    wide = is_wide(width)
+    wide = style.is_wide(width)
     below, across = (1, 3) if wide else (3, 1)
-    with use_style():
+    with style.use_style():
         entries = [*_list_entries(table, treatments), *_KEY]
         rows = -(-len(entries) // (2 if wide else 1))
         heights = [1.9, 2.0 * below + 0.14 * rows]
         figure = Figure(figsize=(width, sum(heights)), layout="constrained")
         parts: Any = figure.subfigures(2, 1, height_ratios=heights)
         axes = parts[0].subplots()
-        for treatment, look in assign_dashes(treatments).items():
+        for treatment, look in style.assign_dashes(treatments).items():
             shown = summary[summary.treatment == treatment]
             _draw_profile(axes, shown, look, len(treatments) <= MOST_BANDS)
         axes.set_xlim(_reach(summary), -_reach(summary))  # puts left headings on the left
@@ -152,7 +145,7 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
 def _list_entries(table: pd.DataFrame, treatments: Sequence[str]) -> list[Artist]:
     """List the legend entries of the treatments and their bands."""
     entries: list[Artist] = []
-    for i, (name, (colour, dashes)) in enumerate(assign_dashes(treatments).items()):
+    for i, (name, (colour, dashes)) in enumerate(style.assign_dashes(treatments).items()):
         short = _shorten(treatments)[name]
         title = name if short == name else f"{short}: {name}"
         count = int(((table.treatment == name) & ~table.random).sum())
@@ -160,13 +153,13 @@ def _list_entries(table: pd.DataFrame, treatments: Sequence[str]) -> list[Artist
         label = f"{title} (n = {count}), mean"
         entries.append(Line2D([], [], marker=MARKERS[i % len(MARKERS)], label=label, **look))
     if len(treatments) <= MOST_BANDS:
-        colour = assign_colours(treatments)[treatments[0]]
+        colour = style.assign_colours(treatments)[treatments[0]]
         entries.append(Patch(fc=colour, alpha=0.25, label="95 % interval of the mean"))
     return entries
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
-    return abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
+    return style.abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
 
 
 def _draw_profile(
@@ -220,14 +213,14 @@ def _with_errors(rows: pd.DataFrame) -> tuple[Array, list[Array]]:
 
 
 def _draw_strips(axes: Axes, table: pd.DataFrame, measure: str) -> None:
-    colours = assign_colours(list(dict.fromkeys(table.treatment)))
+    colours = style.assign_colours(list(dict.fromkeys(table.treatment)))
     for i, (treatment, colour) in enumerate(colours.items()):
         designs = table[table.treatment == treatment].dropna(subset=measure)
         drawn = designs.loc[designs.random, measure].to_numpy(float)
         if drawn.size:
             axes.boxplot([drawn], positions=[i], **_BOX)
         values = np.sort(designs.loc[~designs.random, measure].to_numpy(float))
-        marker, aside = MARKERS[i % len(MARKERS)], 0.4 * scatter_aside(values.size)
+        marker, aside = MARKERS[i % len(MARKERS)], 0.4 * style.scatter_aside(values.size)
         axes.plot(i + aside, values, marker, color=colour, ms=3.5, mew=0.4, mec="white")
     axes.set_xticks(range(len(colours)), list(_shorten(list(colours)).values()))
     axes.set_xlim(-0.6, len(colours) - 0.4)
@@ -237,7 +230,7 @@ def _draw_rates(axes: Axes, summary: pd.DataFrame, treatments: Sequence[str]) ->
     rates = summary[summary.measure.isin(["redundant", "pair within"])]
     groups = list(dict.fromkeys(zip(rates.measure, rates["at"].fillna(0.0), strict=True)))
     step = 0.8 / len(treatments)
-    for i, (treatment, colour) in enumerate(assign_colours(treatments).items()):
+    for i, (treatment, colour) in enumerate(style.assign_colours(treatments).items()):
         rows = rates[rates.treatment == treatment]
         places = np.arange(len(groups)) - 0.4 + step * (i + 0.5)
         marker, (value, errors) = MARKERS[i % len(MARKERS)], _with_errors(rows)

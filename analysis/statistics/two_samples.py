@@ -22,8 +22,7 @@ from evoros.base.arrays import Array
 from .small_samples import CELLS, LEVEL, RESAMPLES, SEED, Interval, Sample
 
 TEST = "permuted Brunner-Munzel test"
-# Complete separation of four values from any number of others occurs by chance in up to one of
-# eight pairs of samples with an A12 of 0.5.
+# Four values separate completely by chance in up to one of eight pairs of samples (A12 0.5).
 MIN_VALUES = 5  # sample size below which p is 1
 MAX_SPLITS = 20_000  # maximum number of splits to enumerate; of more, a sample is drawn
 MAX_PERMUTED = 400  # maximum number of values to permute; Student's distribution is used above

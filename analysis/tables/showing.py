@@ -10,16 +10,9 @@ from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.storage.figure_context import FigureContext
 
+from . import designs
 from .agents import list_robots
 from .champions import BEST_SO_FAR, find_shown
-from .designs import (
-    adapt_types,
-    list_mounts,
-    place_sensors,
-    place_signals,
-    read_evolved,
-    read_generations,
-)
 from .loading import load_study
 from .records import EvaluationRecord, Record
 from .tracks import select_robot
@@ -51,8 +44,8 @@ def show_design(
     context: FigureContext,
 ) -> ShownDesign:
     """Place the sensors of a design; ``mounts`` has the columns of ``champion/design.csv``."""
-    context = adapt_types(context, evolved)
-    rays, signals = place_sensors(mounts, context), place_signals(mounts, context)
+    context = designs.adapt_types(context, evolved)
+    rays, signals = designs.place_sensors(mounts, context), designs.place_signals(mounts, context)
     prices = {name: kind.price for name, kind in context.beams.items()}
     prices |= {name: kind.price for name, kind in context.signals.items()}
     links = mounts.dropna(subset="sensor").astype({"sensor": int}).set_index("sensor").link
@@ -103,11 +96,11 @@ def _show_run(record: Record, design: str | None) -> Iterator[ShownDesign]:
             name = str(mounts.design.iloc[0])
             label = f"design {name}, the champion"
         else:
-            generations = read_generations(robot)
+            generations = designs.read_generations(robot)
             row = generations[generations.id == number].iloc[:1]
             if row.empty:
                 return
-            mounts, evolved = list_mounts(row, robot), read_evolved(robot, number)
+            mounts, evolved = designs.list_mounts(row, robot), designs.read_evolved(robot, number)
             name = str(number)
             label = f"design {name}{f', {BEST_SO_FAR}' if design is None else ''}"
             label += f", fitness {row.fitness.iloc[0]:.4g}"

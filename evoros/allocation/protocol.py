@@ -22,10 +22,7 @@ class Standing:
         return not self.earlier
 
     def fitness(self, trials: int, compared: int | None = None) -> float:
-        """Combine the scores of earlier generations and the first ``trials`` of this contest.
-
-        With ``compared``, return the fitness expected from that number of trials.
-        """
+        """Combine earlier scores and the first ``trials``, as expected from ``compared`` trials."""
         return self.combine((*self.earlier, *self.scores[:trials]), compared)
 
 

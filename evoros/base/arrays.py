@@ -37,8 +37,7 @@ FROM_X, FROM_Y, TO_X, TO_Y = range(4)
 LEG_SIZE = 4
 
 # The command of a controller: a float64 array of COMMAND_SIZE values.
-DRIVE_SPEED, STEERING = range(2)
-"""Speed [m/s] of the rear axle's centre; steering angle [rad] of the bicycle model, left > 0."""
+DRIVE_SPEED, STEERING = range(2)  # [m/s] at the rear axle; bicycle model's angle [rad], left > 0
 COMMAND_SIZE = 2
 
 # The strengths of a robot's wheels: a float64 array of STRENGTH_SIZE values. If wheels can fail,

@@ -11,8 +11,7 @@ from evoros.bridge.process import OutsideProcess, start_process
 
 _READ_BYTES = 4096
 _LONGEST_LINE = 1 << 20  # maximum length [bytes] of a line
-READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
-"""Environment variables with the descriptors of the pipes; a program's standard output is free."""
+READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"  # variables with descriptors; stdout stays free
 ENDING_S = 1.0  # time limit [s] for a process to exit after its pipes close; ample if busy
 
 

@@ -19,8 +19,7 @@ from evoros.base.errors import LaunchError, PilotLost, single_line
 from evoros.executor.protocol import ONE_THREAD
 
 KEEPER = Path(__file__).with_name("keeper.py")
-LOG_BYTES, WORDS = 65_536, 400
-"""Maximum length of the output kept [bytes] and of the output quoted in messages [characters]."""
+LOG_BYTES, WORDS = 65_536, 400  # maximum output kept [bytes] and quoted in messages [characters]
 PERSONAL = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
 """Environment variables that name folders outside the mission's home folder."""
 END_LIMIT_S = 10.0

@@ -52,15 +52,13 @@ class Certificate:
     fitness_low: float  # lower end of the interval from all fresh draws; NaN if unknown
     fitness_high: float
     precision: float | None  # required half-width of the interval
-    # Estimated number of trials that would reach a missed precision; None if it was reached or is
-    # out of reach.
+    # Trials to reach a missed precision; None if it was reached or is out of reach.
     precision_trials: int | None
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
     rival_advantage: float  # upper confidence bound on the best rival's advantage; NaN: unknown
     finalists: Sequence[Finalist]  # best first; empty without a final choice
-    # Completion rates of missions with a failure of another part than a sensor, by part and effect
-    # (``steering: stuck``).
+    # Completion rates with a failed part other than a sensor, by part and effect (steering: stuck)
     failed_parts: Mapping[str, Rate] = field(default_factory=dict)
 
     @property

@@ -103,8 +103,7 @@ def compile_rule(rule: Any, signature: Any) -> CompiledRule:
 
 def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     """Compile a rule, once per process, or return why numba cannot."""
-    # A live engine has new methods and inner functions in each mission, which the cache of _compile
-    # would all keep.
+    # A live engine has new methods in each mission, which the cache of _compile would all keep.
     function = _get_function(rule)
     if not isfunction(function):
         return NotCompilable("it is not a plain function")
@@ -146,8 +145,7 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     with compiling() as on_disk:
         for function, inlined in take_waiting(bundled=False):
             register(function, substitute(function), inlined)
-        # A user's rule is compiled in every process, because functions it calls may change
-        # unnoticed.
+        # User's rules are compiled in every process, because functions that they call may change.
         kept = on_disk and is_bundled(rule_function)
         if signature in _OF_MISSIONS:
             with suppress(Exception):  # a user's rule may allocate arrays

@@ -12,13 +12,7 @@ from numpy.random import Generator
 from evoros.base import checks, elementary
 from evoros.base.arrays import DRIVE_SPEED, SPEED, STEERING, TO_X, TO_Y, YAW, Array, Matrix, X, Y
 from evoros.base.compilable import compilable
-from evoros.controller.protocol import (
-    LOCALIZATION,
-    Controller,
-    EvolvedValue,
-    Localizer,
-    StartedLayer,
-)
+from evoros.controller import protocol
 from evoros.robot.model import Robot
 
 
@@ -224,7 +218,7 @@ NUMBERS = checks.Rule(
 
 @dataclass(frozen=True)
 @checks.checked
-class Neural(Controller):
+class Neural(protocol.Controller):
     """A network with one hidden layer from readings, bearing and speed to steering and speed.
 
     The inputs are the nearest reading in each of ``sectors`` as a fraction of ``range_m``, the
@@ -253,7 +247,9 @@ class Neural(Controller):
     evolve: Annotated[bool, checks.FLAG] = True
     weight_limit: Annotated[float, checks.POSITIVE] = 3.0
     period_s: Annotated[float, checks.POSITIVE] = 0.1
-    localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
+    localization: Annotated[Mapping[str, protocol.Localizer], protocol.LOCALIZATION] = field(
+        default_factory=dict
+    )
 
     def __post_init__(self) -> None:
         checks.check_order(self, "min_speed_mps", "speed_mps")
@@ -273,24 +269,24 @@ class Neural(Controller):
         return list_weights(self.sectors, self.hidden, *kind)
 
     @property
-    def evolved(self) -> Mapping[str, EvolvedValue]:
+    def evolved(self) -> Mapping[str, protocol.EvolvedValue]:
         """The genes of the weights, by name; genes of one neuron are inherited together."""
         if not self.evolve:
             return {}
         limit = float(self.weight_limit)
         return {
-            weight.name: EvolvedValue(f"weights.{i}", -limit, limit, weight.neuron)
+            weight.name: protocol.EvolvedValue(f"weights.{i}", -limit, limit, weight.neuron)
             for i, weight in enumerate(self._listed)
         }
 
     @contextmanager
     def open(
         self, robot: Robot, rng: Callable[[str], Generator]
-    ) -> Iterator[Sequence[StartedLayer]]:
+    ) -> Iterator[Sequence[protocol.StartedLayer]]:
         """Start the network for a mission, with one memory for the rules of both modes."""
         parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
         memory = Memory(np.zeros(self.sectors), *hidden)
-        yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, command_from)]
+        yield [protocol.StartedLayer(rule, (parameters, memory)) for rule in (avoid, command_from)]
 
     def _parameters(self, robot: Robot) -> Parameters:
         fastest = float(robot.drive.max_speed_mps)

@@ -17,10 +17,7 @@ from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
 
 LAYER_ARGUMENTS = "parameters", "memory", "state", "leg", "readings", "time", "command"
-"""The rule of a layer fills ``command`` and returns True, or returns False to defer to the next.
-
-``state`` is the localized state, and ``time`` is in seconds.
-"""
+"""A layer fills ``command`` from the localized ``state`` and returns True, or False to defer."""
 
 ESTIMATOR_ARGUMENTS = "parameters", "memory", "rng", "readings", "pose", "time"
 """The rule of an estimator fills ``pose`` (POSE_SIZE,) from the readings of all sensors.
@@ -52,10 +49,7 @@ class Layer(ControllerPart, ABC):
     """One behaviour of a controller; the first layer that decides preempts later layers."""
 
     mode: str
-    """The name of the layer in the column ``mode``, such as ``avoiding`` or ``navigating``.
-
-    ``missions.csv`` states the fraction of decisions in the mode ``avoiding``.
-    """
+    """The name in the column ``mode``; ``missions.csv`` has the fraction of ``avoiding``."""
     rule: Callable[..., bool]
     """The function that decides; static, so that numba can compile it.
 
@@ -105,10 +99,7 @@ class AnyController(ControllerPart, ABC):
 
     period_s: float  # time [s] between decisions
     localization: Mapping[str, Localizer] = MappingProxyType({})
-    """The filters or the estimator that act on the pose, keyed by name, in order.
-
-    Filters modify the true pose. An estimator replaces the pose, and must come first.
-    """
+    """Named filters of the pose, in order; an estimator, which replaces it, must come first."""
 
     @property
     @abstractmethod
@@ -156,10 +147,7 @@ class Pilot(Protocol):
 
 
 class LiveController(AnyController):
-    """An external controller: a program, ROS nodes or an autopilot.
-
-    It has no rule to compile, receives the whole route, and reports its mode.
-    """
+    """A program, ROS nodes or an autopilot; gets the whole route, reports its mode, has no rule."""
 
     @property
     def files(self) -> Sequence[str]:

@@ -165,11 +165,7 @@ def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
 
 
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
-    """Yield combinations of the bounds low (0) and high (1) of ``count`` genes, each (count,).
-
-    With more than ``MAX_EXHAUSTIVE`` genes, only combinations in which at most one gene differs are
-    yielded.
-    """
+    """Yield bounds low (0) or high (1) of ``count`` genes; if too many, at most one differs."""
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)
         return

@@ -15,6 +15,7 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.base.errors import InputError
+from evoros.drive import protocol
 from evoros.drive.candidates import (
     NEARLY_ALIGNED,
     TURNING,
@@ -34,18 +35,6 @@ from evoros.drive.evidence import (
     name_sideways_plugin,
     read_kind,
     slides,
-)
-from evoros.drive.protocol import (
-    ANGLE,
-    FORWARD,
-    JOINTS,
-    LEFT,
-    LINKS,
-    UP,
-    Drive,
-    DriveDescription,
-    require_left,
-    tolerated,
 )
 from evoros.drive.rolling import Candidate, Pair
 from evoros.drive.skid_steer import AT_LEAST_ONE
@@ -69,7 +58,7 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
         if any(wheel.y > 0.0 for wheel in carried) and any(wheel.y <= 0.0 for wheel in carried):
             problem = "bends its frame" if gap > radius else "steers a whole axle"
             problem += f" at joint {name!r}, which turns the wheels {names} together"
-        elif len(turned) == 2 and gap > tolerated(radius):
+        elif len(turned) == 2 and gap > protocol.tolerated(radius):
             problem = f"turns wheel {names} about {name!r}, a steering axis {gap:.3g} m away"
             others = _choose_kind(pair_up([wheel for wheel in wheels if wheel.steering is None]))
             if others:
@@ -139,7 +128,9 @@ def refuse_facing_sideways(urdf: Urdf) -> None:
     """Reject a robot with wheels that all roll along its y axis."""
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
     wheels = [j for j in turning if is_called_wheel(j)]
-    if len(wheels) > 1 and all(abs(urdf.axis_of(j)[FORWARD]) > NEARLY_ALIGNED for j in wheels):
+    if len(wheels) > 1 and all(
+        abs(urdf.axis_of(j)[protocol.FORWARD]) > NEARLY_ALIGNED for j in wheels
+    ):
         raise urdf.error(
             f"the robot must drive forward along x (REP 103), but these wheels roll along y: "
             f"{', '.join(joint.name for joint in wheels)}",
@@ -165,22 +156,22 @@ def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 def misaligned_error(urdf: Urdf, joints: Sequence[Joint], fix: str) -> InputError:
     """Return the error for wheels whose axes are not lateral."""
     names = ", ".join(joint.name for joint in joints)
-    if all(abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED for joint in joints):
+    if all(abs(float(urdf.axis_of(joint)[protocol.UP])) > NEARLY_ALIGNED for joint in joints):
         problem = "joints with a vertical axis steer their wheels instead of rolling them"
         return urdf.error(f"{problem}: {names}", f"add a joint below for each wheel; {fix}")
-    cosines = [min(abs(float(urdf.axis_of(joint)[LEFT])), 1.0) for joint in joints]
+    cosines = [min(abs(float(urdf.axis_of(joint)[protocol.LEFT])), 1.0) for joint in joints]
     angles = ", ".join(f"{math.degrees(elementary.acos(cosine)):.0f}" for cosine in cosines)
     rule = f"wheel axes must point left (y), but deviate by {angles} deg: {names}"
     hint = "steered wheels need the ackermann drive; no drive supports omni wheels"
     return urdf.error(rule, f"{fix} ({hint})")
 
 
-def _find_drives() -> Mapping[str, type[DriveDescription]]:
+def _find_drives() -> Mapping[str, type[protocol.DriveDescription]]:
     """Return the drives in this folder that can be detected, keyed by file name."""
     drives = {}
     for file in iter_modules([str(Path(__file__).parent)]):
         module = import_module(f"{__package__}.{file.name}")
-        for kind in DriveDescription.__subclasses__():
+        for kind in protocol.DriveDescription.__subclasses__():
             if kind.__module__ == module.__name__ and "recognise" in vars(kind):
                 drives[file.name] = kind
     return drives
@@ -215,26 +206,28 @@ GIVEN = (
 
 @dataclass(frozen=True)
 @checked
-class AutomaticDescription(DriveDescription):
+class AutomaticDescription(protocol.DriveDescription):
     """Detects wheels, steering joints and casters, except for values given by the user."""
 
     steering_joints = ()  # unknown until ``choose``, as are the wheels
     wheel_joints = ()
     kind: Annotated[str, one_of("auto", *DRIVES)] = "auto"
-    left_wheel_joints: Annotated[Sequence[str], JOINTS] = ()  # front to rear; detected if empty
-    right_wheel_joints: Annotated[Sequence[str], JOINTS] = ()  # opposite the left wheels
+    left_wheel_joints: Annotated[
+        Sequence[str], protocol.JOINTS
+    ] = ()  # front to rear; detected if empty
+    right_wheel_joints: Annotated[Sequence[str], protocol.JOINTS] = ()  # opposite the left wheels
     max_speed_mps: Annotated[float | None, POSITIVE] = None
-    steering_limit_rad: Annotated[float | None, ANGLE] = None
+    steering_limit_rad: Annotated[float | None, protocol.ANGLE] = None
     wheelbase_m: Annotated[float | None, POSITIVE] = None  # not for Ackermann
     wheel_separation_multiplier: Annotated[float | None, POSITIVE] = None  # skid-steer only
     turning_resistance: Annotated[float | None, AT_LEAST_ONE] = None  # skid-steer only
-    caster_links: Annotated[Sequence[str], LINKS] = ()
+    caster_links: Annotated[Sequence[str], protocol.LINKS] = ()
 
-    def fit(self, urdf: Urdf) -> Drive:
+    def fit(self, urdf: Urdf) -> protocol.Drive:
         """Return the drive detected on a robot."""
         return self.choose(urdf).fit(urdf)
 
-    def choose(self, urdf: Urdf) -> DriveDescription:
+    def choose(self, urdf: Urdf) -> protocol.DriveDescription:
         """Return the description of the drive formed by a robot's joints."""
         named = self.left_wheel_joints or self.right_wheel_joints
         pairs = self._read_pairs(urdf) if named else self._find_pairs(urdf)
@@ -270,7 +263,7 @@ class AutomaticDescription(DriveDescription):
         sides = (self.left_wheel_joints, self.right_wheel_joints)
         left, right = ([read_wheel(urdf, name) for name in names] for names in sides)
         for one, other in zip(left, right, strict=True):
-            require_left(urdf, (one.joint.name, other.joint.name), one.y, other.y)
+            protocol.require_left(urdf, (one.joint.name, other.joint.name), one.y, other.y)
         return list(zip(left, right, strict=True))
 
     def _error(self, urdf: Urdf, steered: Sequence[Pair], others: Sequence[Pair]) -> Exception:
@@ -313,7 +306,7 @@ class AutomaticDescription(DriveDescription):
         )
 
 
-def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> None:
+def _tell(urdf: Urdf, chosen: protocol.DriveDescription, wheels: Sequence[Candidate]) -> None:
     kind = type(chosen).__name__.removesuffix("Description")
     limits = [
         f"{key}={getattr(chosen, key):g}"

@@ -106,8 +106,7 @@ class DriveDescription(ABC):
 _LOG = logging.getLogger(__name__)
 
 TOLERANCE_M = 1e-3  # maximum deviation [m] of a wheel's position accepted without a warning
-TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05
-"""Maximum deviation of a wheel's position: a distance [m], and a fraction of its radius."""
+TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05  # maximum deviation of a wheel [m], and in radii
 TOLERATED_SKEW = 0.02  # maximum misalignment of the wheels on an axle, as a fraction of the track
 CASTER_GAP_M = 12e-3  # maximum distance [m] between a caster's lowest point and the ground
 FORWARD, LEFT, UP = range(3)

@@ -40,11 +40,7 @@ class Processes(Limits, Executor):
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Start the workers; when the context exits, kill every worker with its children.
-
-        Unfinished futures then raise CancelledError. The workers are also killed if the main
-        process dies.
-        """
+        """Start the workers; the exit kills all with their children, and cancels open futures."""
         with _one_thread_each(), _importable_main_script(), _known_start_method():
             pool = _WorkerPool(self)
             try:

@@ -11,10 +11,7 @@ from evoros.executor.protocol import Executor, Pool
 
 @dataclass(frozen=True)
 class Serial(Executor):
-    """Runs each call in the main process during ``submit``.
-
-    Debuggers work as usual. Calls have no time limit and are not repeated; a crash ends the run.
-    """
+    """Runs calls in the main process during ``submit``, for debuggers: no limits, no retries."""
 
     @contextmanager
     def open(self) -> Iterator[Pool]:

@@ -54,8 +54,7 @@ class Case:
         return onset
 
 
-START, PLACE, COURSE, DISTANCE, WAYPOINT, USE = TRIGGERS = range(6)
-"""Kinds of mission events, described in the constructors of ``Trigger``."""
+START, PLACE, COURSE, DISTANCE, WAYPOINT, USE = TRIGGERS = range(6)  # events; see ``Trigger``
 
 
 @dataclass(frozen=True)
@@ -205,10 +204,7 @@ def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
 
 
 class SystematicFailure(Failure):
-    """A failure model with a finite number of cases and an ``effect``.
-
-    The trials of a design use the cases in random order; ``draw`` draws a case uniformly.
-    """
+    """A failure model with a finite number of cases, which trials use in random order."""
 
     effect: Filter
 

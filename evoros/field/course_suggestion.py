@@ -58,8 +58,7 @@ ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which the clearance is checked
 THIN = 0.02  # area over squared length below which a loop is nearly a line; a square has 0.06
 STRAIGHT = 0.7  # maximum absolute cosine of the angle between two legs
-MEETING_M, MISSING = 2.0, 0.2
-"""Distance within which a loop should pass an obstacle; weight of a loop that passes none."""
+MEETING_M, MISSING = 2.0, 0.2  # maximum distance of a loop from an obstacle; weight without one
 DETOUR = 3.0  # required growth of a loop per metre of distance from home to the origin
 HEIGHT_M = 0.02  # height of the robot's frame above the ground at the start
 CRUISE_MPS = 0.15  # average speed, including avoidance, for the time limit

@@ -110,16 +110,10 @@ class Filter(ABC):
     """Noise, delay or fault of a signal between its source and its reader."""
 
     name: str
-    """The name in the random streams of faults and in the column ``failed_by``.
-
-    It determines random draws, so it must not change if the class is renamed.
-    """
+    """Name in ``failed_by`` and of random streams, so it must not change with the class's."""
     effect: str = ALTERS  # effect on readings, shown in figures: ``ENDS``, ``ALTERS`` or ``GROWS``
     rule: Callable[..., None]
-    """The function that changes each sample; a static method, which numba can compile.
-
-    Its arguments are a subset of ``FILTER_ARGUMENTS``.
-    """
+    """Static method that changes each sample; takes a subset of ``FILTER_ARGUMENTS``."""
 
     @abstractmethod
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:

@@ -22,10 +22,7 @@ class Fitness(ABC):
         return ""
 
     def bounds(self, worlds: int) -> tuple[float, ...]:
-        """Return the minimum and maximum score for ``worlds``; empty if unknown.
-
-        Intervals do not exceed these bounds.
-        """
+        """Return the range of scores for ``worlds``, also for intervals; empty if unknown."""
         return ()
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:  # noqa: B027 - accepts any worlds

@@ -11,16 +11,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.compilation.rules import A1, A2, I8, compile_rule
-from evoros.geometry.footprint import (
-    CENTRE_X,
-    CENTRE_Y,
-    CIRCLE,
-    END,
-    RADIUS,
-    START,
-    Footprint,
-    Outlines,
-)
+from evoros.geometry import footprint
 from evoros.geometry.polygon import polygon_distance, transform_polygon
 
 CLEARANCES = types.void(A2, A2, A2, A2, A1)
@@ -41,7 +32,7 @@ class TrackSummary(NamedTuple):
 
 
 def summarize_track(
-    track: Array, untouched: int, outline: Array, obstacles: Outlines, points: Array
+    track: Array, untouched: int, outline: Array, obstacles: footprint.Outlines, points: Array
 ) -> TrackSummary:
     """Summarize a ``track`` (t, 4) of x, y [m], yaw [rad] and contact (0 or 1).
 
@@ -54,12 +45,14 @@ def summarize_track(
     return TrackSummary(float(result[0]), tuple(result[2:].tolist()), float(result[1]))
 
 
-def compute_clearances(outline: Array, poses: Array, obstacles: Sequence[Footprint]) -> Array:
+def compute_clearances(
+    outline: Array, poses: Array, obstacles: Sequence[footprint.Footprint]
+) -> Array:
     """Return the distance (t,) [m] to the nearest obstacle at each pose of a robot; 0 on contact.
 
     The arguments are as in ``summarize_track``; the distance is infinite without obstacles.
     """
-    outlines, result = Outlines.of(obstacles), np.empty(len(poses))
+    outlines, result = footprint.Outlines.of(obstacles), np.empty(len(poses))
     arrays = (poses, outline, outlines.rows, outlines.corners)
     compile_rule(fill_clearances, CLEARANCES)(*map(np.ascontiguousarray, arrays), result)
     return result
@@ -158,13 +151,13 @@ def _clearance(
     smallest = math.inf
     for i in range(len(rows)):
         row = rows[i]
-        dx = row[CENTRE_X] - x
-        dy = row[CENTRE_Y] - y
-        lower_bound = math.sqrt(dx * dx + dy * dy) - reach - row[CIRCLE]
+        dx = row[footprint.CENTRE_X] - x
+        dy = row[footprint.CENTRE_Y] - y
+        lower_bound = math.sqrt(dx * dx + dy * dy) - reach - row[footprint.CIRCLE]
         if lower_bound >= smallest:
             continue
-        radius = row[RADIUS]
-        polygon = corners[int(row[START]) : int(row[END])]
+        radius = row[footprint.RADIUS]
+        polygon = corners[int(row[footprint.START]) : int(row[footprint.END])]
         distance = polygon_distance(placed, polygon, smallest + radius) - radius
         smallest = min(smallest, max(distance, 0.0))
     return smallest

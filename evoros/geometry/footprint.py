@@ -168,8 +168,7 @@ def convex_hull(points: Array) -> Array:
     extent = float(np.ptp(points, axis=0).max())
     if extent < 1e-100:
         return points[:1].copy()
-    # Rounding to an integer grid merges points that differ by rounding errors, so that every turn
-    # is exact.
+    # Rounding to an integer grid merges points that differ by rounding; every turn is exact.
     grid = np.rint((points - points.min(axis=0)) * (1e12 / extent)).astype(np.int64).tolist()
     corners = {(x, y): point for (x, y), point in zip(grid, points, strict=True)}
     ordered = sorted(corners)

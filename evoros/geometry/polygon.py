@@ -30,7 +30,7 @@ def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
     if apart > cutoff or apart <= 0.0:
         return max(apart, 0.0)
     # The shortest path between two disjoint convex polygons starts or ends at a corner.
-    return math.sqrt(min(_squared_distance(first, second), _squared_distance(second, first)))
+    return _nearest(first, second)[0]
 
 
 @compilable
@@ -76,21 +76,6 @@ def _off_edge(px: float, py: float, dx: float, dy: float, squared: float) -> tup
         along = (px * dx + py * dy) / squared
         along = 0.0 if along < 0.0 else (1.0 if along > 1.0 else along)
     return px - along * dx, py - along * dy
-
-
-@compilable
-def _squared_distance(polygon: Array, points: Array) -> float:
-    """Return the minimum squared distance [m2] from points (n, 2) to a polygon's border (k, 2)."""
-    best = math.inf
-    for i in range(len(polygon)):
-        x, y, dx, dy = find_edge(polygon, i)
-        squared = dx * dx + dy * dy
-        for j in range(len(points)):
-            ex, ey = _off_edge(points[j, 0] - x, points[j, 1] - y, dx, dy, squared)
-            distance = ex * ex + ey * ey
-            if distance < best:
-                best = distance
-    return best
 
 
 @compilable

@@ -40,8 +40,7 @@ class Surface:
 def weld(triangles: Array) -> Surface:
     """Return the surface of triangles (n, 3, 3) [m], merging corners within a micrometre."""
     corners = triangles.reshape(-1, 3)
-    # Rounding to whole micrometres would split coordinates that end in half a micrometre, such as
-    # 1/16 inch.
+    # Whole micrometres would split coordinates that end in half a micrometre, such as 1/16 inch.
     first, indices = unique_rows(np.round(corners * 1.03e6))
     points, faces = corners[first], indices.reshape(-1, 3)
     faces = faces[_have_area(points, faces)]

@@ -10,8 +10,7 @@ from evoros.design.design import Design
 from evoros.mission.mission import Outcomes
 from evoros.robot.model import Robot
 
-OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
-"""Configuration keys of measures, and prefixes of their columns in tables."""
+OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"  # keys, and prefixes of columns in tables
 MAXIMIZE, MINIMIZE = "maximize", "minimize"
 DIRECTION = one_of(MAXIMIZE, MINIMIZE)
 BOUNDS = Rule(

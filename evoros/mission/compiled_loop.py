@@ -80,8 +80,7 @@ KERNEL_STAGES = _name_types(RULES["filter"], RULES["layer"])
 
 _BITS = types.NumPyRandomBitGeneratorType("bit_generator")
 
-# A separate prototype, because setting argument types on pythonapi itself would affect the whole
-# process.
+# A copy, because setting argument types on pythonapi itself affects the whole process.
 _find_pointer = PYFUNCTYPE(c_void_p, py_object, c_char_p)(("PyCapsule_GetPointer", pythonapi))
 
 

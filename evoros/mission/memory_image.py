@@ -101,8 +101,7 @@ def lower_loop() -> machine_code.Lowered:
 
 _ALIGNED = 16  # bytes
 _WORD_BITS = 64
-GIVEN, KEPT, FILLED = range(3)
-"""Groups of pieces: copied to the device, copied both ways, and copied back (trajectories)."""
+GIVEN, KEPT, FILLED = range(3)  # pieces copied to the device, both ways, or back (trajectories)
 
 Words = NDArray[np.int64]
 

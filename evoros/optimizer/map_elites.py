@@ -9,14 +9,7 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, NOT_NEGATIVE, PROBABILITY, checked
 from evoros.base.errors import require_extra
-from evoros.optimizer.history import (
-    CELLS,
-    ArchiveSearch,
-    FixedSampler,
-    create_archive,
-    draw_seed,
-    list_categories,
-)
+from evoros.optimizer import history
 from evoros.optimizer.protocol import BundledOptimizer, Goals, Search, Space, require_genes
 
 
@@ -33,7 +26,7 @@ class MapElites(BundledOptimizer):
     """
 
     population_size: Annotated[int, COUNT] = 32
-    cells: Annotated[int, CELLS] = 10  # number of cells along each descriptor
+    cells: Annotated[int, history.CELLS] = 10  # number of cells along each descriptor
     noise: Annotated[float, NOT_NEGATIVE] = 0.05  # standard deviation as a fraction of the ranges
     line_noise: Annotated[float, NOT_NEGATIVE] = 0.2  # relative to the distance between two elites
     redraw_probability: Annotated[float, PROBABILITY] = 0.05  # per categorical gene
@@ -44,7 +37,7 @@ class MapElites(BundledOptimizer):
         with require_extra("search", "optimizer=map_elites"):
             from ribs.emitters import IsoLineEmitter
 
-        archive = create_archive(space, goals, self.cells, rng)
+        archive = history.create_archive(space, goals, self.cells, rng)
         emitter = IsoLineEmitter(
             archive,
             iso_sigma=self.noise,
@@ -53,9 +46,9 @@ class MapElites(BundledOptimizer):
             lower_bounds=[0.0] * space.size,
             upper_bounds=[1.0] * space.size,
             batch_size=self.population_size,
-            seed=draw_seed(rng),
+            seed=history.draw_seed(rng),
         )
-        categories = list_categories(space)
+        categories = history.list_categories(space)
 
         def redraw(genome: Array) -> Array:
             values = np.array(genome)
@@ -68,4 +61,4 @@ class MapElites(BundledOptimizer):
             genomes = list(emitter.ask())
             return genomes if archive.empty else list(map(redraw, genomes))
 
-        return ArchiveSearch(archive, FixedSampler("iso_line", propose))
+        return history.ArchiveSearch(archive, history.FixedSampler("iso_line", propose))

@@ -27,17 +27,10 @@ from evoros.formats.urdf.tree import Urdf, UrdfDocument, read_tree
 from evoros.formats.urdf.xacro_expansion import ReadOptions
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Pose, Shape
-from evoros.robot import body_adaptation, outline
+from evoros.robot import body_adaptation, outline, wheel_adaptation
 from evoros.robot.caster_adaptation import Casters, add_supports, centre_of_mass, find_casters
 from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults, fit_mount
-from evoros.robot.wheel_adaptation import (
-    MOTOR_VELOCITY,
-    Assumptions,
-    adapt_steering,
-    adapt_wheel,
-    find_joint,
-)
 
 _LOG = logging.getLogger(__name__)
 
@@ -101,14 +94,15 @@ def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
     """Choose the drive, and adapt joints and wheels; return the wheels in the root frame."""
-    automatic, notes = isinstance(drive, AutomaticDescription), Assumptions(list)
+    automatic, notes = isinstance(drive, AutomaticDescription), wheel_adaptation.Assumptions(list)
     chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     named = isinstance(drive, AutomaticDescription) and bool(drive.left_wheel_joints)
     stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)
     for name in chosen.steering_joints:
-        adapt_steering(elements, urdf, name, automatic, stop, notes)
+        wheel_adaptation.adapt_steering(elements, urdf, name, automatic, stop, notes)
     wheels = [
-        adapt_wheel(elements, urdf, name, automatic, named, notes) for name in chosen.wheel_joints
+        wheel_adaptation.adapt_wheel(elements, urdf, name, automatic, named, notes)
+        for name in chosen.wheel_joints
     ]
     return chosen, wheels, list_notes(notes)
 
@@ -219,9 +213,9 @@ def _complete_motors(
     for name, radius in radii.items():
         joint, torque = urdf.joints[name], mass * GRAVITY_MPS2 * radius
         if math.isinf(joint.effort):
-            limit = require_limit(find_joint(elements, name))
+            limit = require_limit(wheel_adaptation.find_joint(elements, name))
             limit.set("effort", repr(torque))
-            limit.set("velocity", repr(min(joint.velocity, MOTOR_VELOCITY)))
+            limit.set("velocity", repr(min(joint.velocity, wheel_adaptation.MOTOR_VELOCITY)))
             text = f"joints without an effort limit get {torque:.3g} N m (weight times radius)"
             given.setdefault(text, []).append(name)
     return list_notes(given)

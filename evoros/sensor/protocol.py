@@ -102,10 +102,7 @@ class Sensor(ABC):
 
 
 class RangeSensor(Sensor):
-    """A sensor type that measures distances along rays, all with the same limits.
-
-    ``fov_deg``, if defined, is the full width of the field of view; see ``find_field``.
-    """
+    """A sensor type that measures distances along rays; ``fov_deg``, if any, is the full width."""
 
     measures = RANGE
     radiation: str = ""  # radiation type in ROS messages: ``infrared``, or empty for ultrasound

@@ -38,11 +38,7 @@ class Sonar(RangeSensor):
         return np.zeros(self.rays_per_axis**2, dtype=np.int64)
 
     def rays(self) -> Array:
-        """Return unit vectors (rays, 3) in the sensor's frame, x forward and z up.
-
-        The vectors are ``(cos a cos b, sin a cos b, sin b)`` for azimuths a (left) and elevations
-        b.
-        """
+        """Return (cos a cos b, sin a cos b, sin b) for azimuths a (left) and elevations b."""
         spaces = max(self.rays_per_axis - 1, 1)
         angles = spread_bearings(self.rays_per_axis, self.fov_deg, spaces)
         a, b = (grid.ravel() for grid in np.meshgrid(angles, angles, indexing="ij"))

@@ -131,8 +131,7 @@ def log_repair(repair: Repair) -> None:
     LOGGER.warning("%s%s; rewritten%s", repair.path, damage, effects.get(name, ""))
 
 
-KILLED, BEGUN = "killed", "begun"
-"""States of a run that was killed, and of a run without a status."""
+KILLED, BEGUN = "killed", "begun"  # states of a killed run, and of a run without a status
 SILENT_S = 3 * UPDATE_S  # age [s] of a status after which the process is assumed to have ended
 
 

@@ -17,10 +17,7 @@ from evoros.terminal.log import LOGGER, silence_unwritable
 FIGURES = "figures"  # subfolder of the run folder
 WORST, PAGE = "worst", "requirements"  # figures of an evaluation
 DrawFigures: TypeAlias = Callable[[Path, str, Path], Sequence[str]]
-"""Picklable function that draws a figure and returns warnings; it writes the picture last.
-
-Its arguments are the run folder, the figure's name and the folder to draw into.
-"""
+"""Draws a figure (run folder, name, target folder) and returns warnings; picklable."""
 
 
 def list_figures(run: Path, configured: Sequence[str]) -> Sequence[str]:

@@ -55,10 +55,7 @@ class Simulator(ABC):
 
     time_step: float  # [s]; sensor and controller periods must be multiples of this step
     packages: Sequence[str]
-    """Pip names of packages whose versions can change results, such as the engine's.
-
-    A run's manifest records their versions.
-    """
+    """Pip packages whose versions can change results; the manifest has their versions."""
     versions: Mapping[str, str] = MappingProxyType({})
     """Versions of libraries unknown to pip, by name, for the manifest."""
     measures: Collection[str] = (RANGE,)  # quantities to measure; see ``evoros.sensor.protocol``
@@ -70,10 +67,7 @@ class Simulator(ABC):
     after the states of the robots.
     """
     weakens_wheels: bool = False
-    """True if the simulator models weakened wheels; if not, missions reject wheel failures.
-
-    ``evoros.drive.protocol.find_targets`` computes the wheel rates.
-    """
+    """True if wheels can weaken (see ``find_targets``); if not, missions reject it."""
 
     @abstractmethod
     def open(

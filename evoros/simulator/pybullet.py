@@ -63,7 +63,6 @@ class PyBullet(Simulator):
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
         with IDLE.take(lambda: pybullet_model.Engine(pybullet_model.import_pybullet())) as engine:
-            # If only robots have moved since the last mission, the model is reset instead of
-            # rebuilt, with bitwise equal results.
+            # If only robots have moved, the model is reset, with bitwise equal results.
             model, alone = engine.prepare(robots, world, settings), [robot for robot, _ in robots]
             yield PyBulletSimulation(engine, model, alone, settings, world.crowd)

@@ -77,11 +77,9 @@ def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[s
 
 
 FORMAT_VERSION = 1
-RUN, EVALUATE = "evoros", "evoros evaluate"
-"""Commands that search for designs and that evaluate given designs."""
+RUN, EVALUATE = "evoros", "evoros evaluate"  # commands for a search and for given designs
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
-DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
-"""Files with the given designs of an evaluation, complete and independent of their sources."""
+DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"  # an evaluation's given designs
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)  # they and the manifest determine the other files
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"  # description loaded by engines, if not ``robot.urdf``
 SELF_SIGHT = "self_sight.csv"  # the champion's sensors that see the robot

@@ -47,8 +47,7 @@ RANDOM, EVEN = "random", "even"
 class SocialForce:
     """The forces on a walker per unit mass (Helbing and Molnar, Phys. Rev. E 51, 4282, 1995).
 
-    The paper's values are the defaults. Its distances are between points; here, they are between
-    the walkers' surfaces.
+    The defaults are the paper's, for points; here, distances are between walkers' surfaces.
     """
 
     relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time constant of the desired speed

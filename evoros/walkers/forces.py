@@ -17,14 +17,12 @@ from evoros.walkers import layout as at
 from evoros.walkers.layout import Walk, Walking
 
 AHEAD_M = 1.0  # distance along the leg to the point that a walker heads for, to return to the leg
-REACHED_M, PASSED_M = 0.3, 1.0
-"""Distances [m] at which a walker has reached a corner, before and after passing it."""
+REACHED_M, PASSED_M = 0.3, 1.0  # distances [m] at a reached corner, before and after passing it
 FOREIGN_REACH_M = 2.5  # distance [m] at which an obstacle's potential has fallen to e**-12
 STRIDE_S = 2.0  # [s], time ahead for which others stay out of a walker's path, as in the paper
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
 """The cosine of half the field of view (100 degrees), and the weight of forces from behind."""
-SLOW, BLOCKED_S = 0.1, 3.0
-"""Minimum progress relative to the pace, and time [s] with less progress before turning back."""
+SLOW, BLOCKED_S = 0.1, 3.0  # progress relative to the pace, and time [s] below it to turn back
 FASTEST = 1.3  # maximum speed relative to the pace, as in the paper
 RIGHTWARDS = 0.3  # fraction of a force from ahead that is turned to the right
 PERSON_M = 0.25  # [m], radius of a walker for which the distances equal the paper's

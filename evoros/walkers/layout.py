@@ -15,8 +15,7 @@ repel it; gap [m] at which it stops for a robot, or 0, and maximum wait [s]; its
 for an actor, the pause [s] before each round, and 1 if there are several rounds.
 """
 WALKER_SIZE = 15
-ABSENT, WALKING, ACTING = range(3)
-"""Kinds of walkers: absent from the mission, driven by forces, or following a script."""
+ABSENT, WALKING, ACTING = range(3)  # not in this mission, driven by forces, following a script
 VELOCITY_X, VELOCITY_Y, NEXT_X, NEXT_Y, GOAL, BACKWARDS, BLOCKED, CLOCK, WAITED, TOUCHED = range(10)
 """Columns of a walker's motion.
 
@@ -25,11 +24,9 @@ Current and next velocity [m/s]; index of the next corner; 1 on the way back; ti
 i that it has touched.
 """
 MOTION_SIZE = 10
-CORNER_X, CORNER_Y, CORNER_S = range(3)
-"""Columns of a corner: position [m] and, in scripts, time [s]."""
+CORNER_X, CORNER_Y, CORNER_S = range(3)  # position [m] and, in a script, time [s]
 CORNER_SIZE = 3
-REPORT_X, REPORT_Y, REPORT_TOUCHED = range(3)
-"""Columns of a report on a walker, after the robots' states; NaN if the walker is absent."""
+REPORT_X, REPORT_Y, REPORT_TOUCHED = range(3)  # follow the robots' states; NaN if absent
 REPORT_SIZE = 3
 REPORT_COLUMNS = ("x_m", "y_m", "touched_by")
 

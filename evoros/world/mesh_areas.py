@@ -16,10 +16,8 @@ from evoros.world.standing import standing_obstacles
 if TYPE_CHECKING:
     from evoros.geometry.mesh_parts import Sections
 
-LOWEST_M, SLICES = 0.05, 4
-"""Height [m] of the lowest section (half the height of low robots), and number of sections."""
-TOLD_M2, TOLD_SHARE = 0.05, 0.01
-"""Area [m2] and fraction of a mesh's footprint above which a run warns of a difference."""
+LOWEST_M, SLICES = 0.05, 4  # lowest section [m], or half a low robot's height, and their number
+TOLD_M2, TOLD_SHARE = 0.05, 0.01  # area [m2] and fraction of a footprint that cause a warning
 _COUNTS_M2 = 0.005
 
 

@@ -46,10 +46,7 @@ A_SAMPLER = instance_of(WorldSampler, "a world sampler (an object with draw_worl
 @dataclass(frozen=True)
 @checked
 class World:
-    """Bodies and a course, with the ground at home at z = 0.
-
-    With a sampler, each mission has a different world, of which this is an example.
-    """
+    """Bodies and a course, with ground at z = 0 at home; an example if there is a sampler."""
 
     name: Annotated[str, TEXT]
     bodies: Annotated[tuple[Body, ...], sequence_of(Body, "bodies")]

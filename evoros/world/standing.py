@@ -50,8 +50,7 @@ def standing_obstacles(world: World) -> tuple[Body, ...]:
 def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     """Return the obstacles, with movable bodies moved straight down onto their supports.
 
-    A body that overlaps another body stays; on uneven ground, obstacles are lowered by the height
-    of the ground.
+    A body that overlaps another stays; on uneven ground, obstacles are lowered by its height.
     """
     bodies = [body for body in all_bodies if not body.is_ground]
     floor = [body for body in all_bodies if body.is_ground]

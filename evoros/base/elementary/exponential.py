@@ -21,8 +21,7 @@ EXPONENTIAL = (
     4.143749871385379e-08,
 )
 _HIGHEST, _LOWEST = 709.782712893384, -745.1332191019412  # limits: exp is infinite above, 0 below
-_LARGE, _HUGE = 50.0, 700.0
-"""Limits above which 1 is negligible next to e**x, and above which e**x may overflow."""
+_LARGE, _HUGE = 50.0, 700.0  # limits above which 1 is negligible to e**x, and e**x may overflow
 
 
 @inlined

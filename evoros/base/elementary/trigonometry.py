@@ -23,8 +23,7 @@ from evoros.base.elementary.arithmetic import add, multiply, nearest, polynomial
 EIGHTH = 0.7853981633974483
 _TWO_OVER_PI = 0.6366197723675814
 HALF_PI, HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
-# The parts add up to pi/2. The first two have 33 bits, so their products with 20-bit numbers are
-# exact.
+# The parts add up to pi/2; the first two have 33 bits, so that 20-bit multiples are exact.
 PART_1, PART_2, PART_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
 
 _MANY = 1e6  # [rad], below which the number of quarter turns has at most 20 bits

@@ -13,10 +13,7 @@ class Onset(ABC):
 
     @abstractmethod
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Return a mission event, and the time [s] from the event to the failure.
-
-        The number of draws must be the same in every mission.
-        """
+        """Return an event and a delay [s]; every mission must draw equally many numbers."""
 
 
 AN_ONSET = instance_of(Onset, "an onset (a subclass of evoros.parts.Onset)")

@@ -32,11 +32,7 @@ _THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest side
 
 
 def settle_vehicles(container: Element, reading: Reading) -> set[str]:
-    """Remove or immobilize every model that could drive; fix the joints of all other models.
-
-    Returns:
-        The names of the models that are left out.
-    """
+    """Remove or immobilize models that could drive, fix other joints; return the removed names."""
     left_out: set[str] = set()
     if container.tag == "world":
         _fix_to_world(container, reading)

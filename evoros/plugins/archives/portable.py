@@ -1,7 +1,4 @@
-"""Makes the files of a finished run or evaluation portable: without machine-specific paths.
-
-Digests of changed files are recomputed, so that equal runs have equal files on all machines.
-"""
+"""Makes finished runs portable, without machine-specific paths; equal runs have equal files."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

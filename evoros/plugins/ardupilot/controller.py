@@ -33,8 +33,7 @@ CENTRE_US, SPAN_US = 1500, 500
 STEERING_SERVO, THROTTLE_SERVO = 0, 2
 AVOIDING, NAVIGATING = 1, 2
 BEYOND_M = 1.0  # distance [m] past its range that a silent sonar reports; its last value would stay
-ASKED_AT_ONCE, ANSWER_S = 5, 2.0
-"""Number of parameters per request, and simulated time limit [s] for the answers."""
+ASKED_AT_ONCE, ANSWER_S = 5, 2.0  # parameters per request, and simulated time limit for answers
 
 
 class ArduPilotPilot:

@@ -21,8 +21,7 @@ from evoros.bridge.process import OutsideProcess
 
 GRAVITY = 9.80665
 NO_PULSE = 0
-MIN_WIDTH_US, MAX_WIDTH_US = 800, 2200
-"""Limits of the pulse width [us] of a servo, which no ArduPilot parameter can exceed."""
+MIN_WIDTH_US, MAX_WIDTH_US = 800, 2200  # a servo's pulses [us], which no parameter can exceed
 LAYOUTS = {
     size.size: (size, magic)
     for size, magic in ((struct.Struct("<HHI16H"), 18458), (struct.Struct("<HHI32H"), 29569))

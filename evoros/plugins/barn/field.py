@@ -142,8 +142,7 @@ _PATH_ORIGIN_M = (-4.575, 5.075)  # position of cell (0, 0) in a path file, as i
 WORLD_NAME = "barn"
 RADIUS_M, HEIGHT_M = 0.075, 1.0  # size of each cylinder
 WALL_COLUMNS = 34  # length, in cells, of both walls from the start to the first column
-BATCH, MAX_BATCHES = 32, 2000
-"""Number of grids generated per batch, and maximum number of batches without a corridor."""
+BATCH, MAX_BATCHES = 32, 2000  # grids per batch, and maximum batches without a corridor
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from evoros.fitness.protocol import AdditiveFitness
 from evoros.mission.mission import Outcome
 from evoros.world.model import World
 
-SHORTEST, LONGEST = 2.0, 8.0
-"""Limits to which mission times are clipped, as multiples of the optimal time."""
+SHORTEST, LONGEST = 2.0, 8.0  # limits of mission times, as multiples of the optimal time
 
 
 @dataclass(frozen=True)

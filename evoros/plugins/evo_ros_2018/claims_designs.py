@@ -16,8 +16,7 @@ from evoros.base.arrays import Array
 
 REDUNDANT = 0.6  # fraction of champions with a redundant pair in the paper, six of ten
 MEDIUM = 0.64  # A12 of a medium effect (Vargha and Delaney, 2000)
-NONE, RANDOM, SPATIAL = "none", "random", "spatial"
-"""Kinds of failure, named after options of the group ``failure``."""
+NONE, RANDOM, SPATIAL = "none", "random", "spatial"  # options of the group ``failure``
 
 CONFIGURATIONS = finding.Claim(
     "Two main configurations emerge: sensors across the front, and at the sides",

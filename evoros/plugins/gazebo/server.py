@@ -147,10 +147,7 @@ class Operation(IntEnum):
 
 
 class GazeboServer:
-    """Starts the server, sends requests and awaits answers; not thread-safe.
-
-    The process has a private home folder, may print, and exits when this process exits.
-    """
+    """Starts the server, which has a private home and ends with this process; not thread-safe."""
 
     def __init__(self, program: Path, limit_s: float) -> None:
         """Start the program; an answer may take up to ``limit_s`` [s] of wall-clock time."""

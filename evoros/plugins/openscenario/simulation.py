@@ -28,8 +28,7 @@ from evoros.session.evaluation import read_sources
 from evoros.session.given_designs import read_like
 from evoros.storage import tables
 
-MISSION, TRAJECTORY = "mission.csv", "trajectory.csv"
-"""Files written to the output folder of a scenario."""
+MISSION, TRAJECTORY = "mission.csv", "trajectory.csv"  # files in a scenario's output folder
 
 
 @dataclass(frozen=True)

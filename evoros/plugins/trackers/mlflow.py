@@ -32,18 +32,14 @@ DEFAULTS = {
 STATUS = {"finished": "FINISHED", "stopped": "FAILED", "killed": "KILLED"}
 RUNNING = "RUNNING"
 SQLITE, FILE = "sqlite:///", "outputs/mlflow.db"
-MOST_PARAMETERS, LONGEST = 100, 6000
-"""MLflow's limits: parameters per request, and characters per parameter."""
+MOST_PARAMETERS, LONGEST = 100, 6000  # MLflow's: parameters per request, characters per parameter
 _LOCK = Lock()  # jobs of a sweep run in threads, and share experiments and parent runs
 
 
 @dataclass(frozen=True)
 @checked
 class Mlflow(Observer):
-    """An observer that sends runs to MLflow.
-
-    The server or database is ``tracking_uri``, MLFLOW_TRACKING_URI or ``outputs/mlflow.db``.
-    """
+    """Sends runs to ``tracking_uri``, MLFLOW_TRACKING_URI or ``outputs/mlflow.db`` of MLflow."""
 
     tracking_uri: Annotated[str | None, TEXT] = None
     experiment: Annotated[str, TEXT] = "evoros"

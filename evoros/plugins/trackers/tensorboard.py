@@ -12,8 +12,7 @@ from evoros.base.errors import require_extra
 from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
-DIGEST, CONFIGURATION = "evoros/digest", "configuration"
-"""Tags of text: digest of a run's end once written, and the configuration."""
+DIGEST, CONFIGURATION = "evoros/digest", "configuration"  # tags: digest of a sent end, all values
 SHOWN_BYTES = 100_000  # maximum size [bytes] of a champion file to display
 
 

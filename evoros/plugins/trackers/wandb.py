@@ -21,8 +21,7 @@ DEFAULTS = {"WANDB_ERROR_REPORTING": "false", "WANDB_SILENT": "true"}
 """Default values of environment variables."""
 FOREIGN = "WANDB_RUN_ID", "WANDB_SWEEP_ID", "WANDB_RESUME", "WANDB_RUN_GROUP", "WANDB_NAME"
 """Variables with which a sweep's agent names a single run; they would override arguments."""
-FILE_HEADER, HEADER, BLOCK = 7, 7, 32768
-"""Sizes [bytes] of a log's file header, a piece's header and a block."""
+FILE_HEADER, HEADER, BLOCK = 7, 7, 32768  # sizes [bytes] in a log: its header, a piece's, a block
 PIECES, LAST_PIECES = (1, 2, 3, 4), (1, 4)  # kinds of pieces, and kinds that end a record
 QUIET = "silent", "disable_git", "disable_job_creation", "x_disable_meta", "x_disable_stats"
 PATIENCE_S = 30.0

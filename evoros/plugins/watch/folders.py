@@ -16,8 +16,7 @@ FIGURES_OF = (
     *("requirements.csv", "worst_cases.csv", "champion/certificate.json"),
 )
 """Files and folders of a run used by figures."""
-LOG_BYTES, LOG_LINES = 16_384, 60
-"""Number of bytes read from the end of a log, and number of lines shown."""
+LOG_BYTES, LOG_LINES = 16_384, 60  # bytes read from the end of a log, and lines shown
 Stamp = tuple[int, int]
 
 

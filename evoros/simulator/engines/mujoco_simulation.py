@@ -58,8 +58,7 @@ HARMLESS = "Linesearch"  # warnings of truncated solver steps, which the next st
 _PLACE = re.compile(r" at DOF (\d+)")
 """Matches the degree of freedom named in a warning."""
 
-GROUND, OBSTACLE, WALKER = -1, -2, -3
-"""Owners of shapes that belong to no robot; walkers are numbered -3, -4, -5, and so on."""
+GROUND, OBSTACLE, WALKER = -1, -2, -3  # owners of shapes; walkers are numbered -3, -4, and so on
 
 
 class MujocoSimulation:

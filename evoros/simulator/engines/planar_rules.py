@@ -1,8 +1,4 @@
-"""The motion rules of the planar simulator, on the arrays of ``planar_layout``.
-
-Robots move one after another, and stop if a step would end inside the current outline of another
-robot.
-"""
+"""The planar simulator's motion rules: robots move in turn, and stop before others' outlines."""
 
 import math
 from typing import NamedTuple

@@ -314,8 +314,7 @@ class _Vehicle:
         bullet, robot = self._bullet, self._robot
         angles, rates = find_targets(self._drive, *command)
         if angles:
-            # The default gain of the engine is constant, so the lag would be ten steps of any
-            # length.
+            # The engine's default gain is constant: a lag of ten steps of any length.
             gain = lag_gain(self._step, self._lag)
             bullet.setJointMotorControlArray(
                 robot.body,

@@ -115,8 +115,7 @@ JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
 ``narrowing_of``; ``inside`` and ``rolls`` as in ``OccluderRows``; ray row relative to the axis.
 """
 PART_SIZE = SHAPE + OBSTACLE_SIZE
-PART, BEAM, FIRST_RAY, END_RAY = range(4)
-"""Columns of a beam that may hit a part: part, beam, first ray, index after the last ray."""
+PART, BEAM, FIRST_RAY, END_RAY = range(4)  # columns of a beam; END: after the last ray
 PAIR_SIZE = 4
 
 

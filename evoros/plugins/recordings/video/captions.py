@@ -10,8 +10,7 @@ from evoros.analysis.drawing.style import BLUE, PURPLE, VERMILLION
 
 Colour = tuple[int, int, int]
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
-COLUMN_EM, WIDTH_EM = 11, 52
-"""Width [em] of a text column, and minimum width of a picture for all columns."""
+COLUMN_EM, WIDTH_EM = 11, 52  # width of a text column, and of a picture for all columns
 
 
 def _rgb(name: str) -> Colour:

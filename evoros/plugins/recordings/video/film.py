@@ -40,8 +40,7 @@ from evoros.plugins.recordings.video.scene import Scene
 from evoros.plugins.recordings.video.sensors import make_views
 from evoros.storage.reading import Run
 
-# Bit-exact files contain no dates, encoder names or versions. The index comes first so that videos
-# play while loading.
+# Bit-exact files contain no dates or versions; with the index first, they play while loading.
 _CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
 # A video at crf 18 looks like the original; at 28, artefacts are visible. Macroblock trees would
 # make x264 encode equal pictures differently.

@@ -33,10 +33,8 @@ _FILL = types.void(
     types.Array(types.uint8, 3, "C"),
 )
 UNPAINTED = (0.6, 0.6, 0.6)  # default colour
-MOST_FACES, _MIN_FACES = 24_000, 400
-"""Approximate maximum number of triangles of a robot, and minimum of each of its meshes."""
-_FINEST, _COARSER = 1 / 400, 1.25
-"""Initial size of the cells joined, as a fraction of a mesh's extent, and its growth factor."""
+MOST_FACES, _MIN_FACES = 24_000, 400  # triangles: about the most of a robot, the fewest of a mesh
+_FINEST, _COARSER = 1 / 400, 1.25  # first cell size, relative to a mesh's extent, and its growth
 
 
 class Picture(NamedTuple):
@@ -184,11 +182,7 @@ class Scene:
 def make_surfaces(
     robot: Element, tree: Urdf, most_faces: int = MOST_FACES
 ) -> Iterator[tuple[str, Surface]]:
-    """Yield each link with its visible surface.
-
-    Meshes without colours have the colour of their ``<material>``; collision shapes replace
-    unreadable visuals.
-    """
+    """Yield links with surfaces, coloured by mesh or <material>; collision shapes if unreadable."""
     named = {
         material.get("name"): colour
         for material in robot.iter("material")

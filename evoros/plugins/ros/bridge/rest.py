@@ -31,8 +31,7 @@ ASLEEP, ENDED = b"S", (b"Z", b"X")  # states in stat
 UNTOLD = b"0 0 0\n"  # content of schedstat on a kernel without statistics
 PLACE_BYTES = 64  # maximum length of a kernel function name
 SHORT_S = 0.001  # sleep [s] below which a thread is busy; time.sleep(0) in rospy lasts 50 us
-TRIAL_LOOKS, TRIAL_PAUSE_S = 20, 0.0002
-"""Maximum number of checks of a thread that is about to wait, and pause [s] between checks."""
+TRIAL_LOOKS, TRIAL_PAUSE_S = 20, 0.0002  # maximum checks of a thread about to wait, and pause [s]
 
 # Each row of softnet_stat has eight-digit numbers for one CPU; the twelfth is the backlog.
 SOFTNET_BYTES = 65536

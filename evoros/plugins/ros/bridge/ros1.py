@@ -1,7 +1,4 @@
-"""The bridge to ROS 1, which runs one mission in lock-step with the user's nodes.
-
-The bridge runs in the user's ROS Python, and imports rospy after starting the nodes; see README.md.
-"""
+"""The bridge to ROS 1, in the user's ROS Python; rospy is imported after the nodes have started."""
 
 from __future__ import annotations
 

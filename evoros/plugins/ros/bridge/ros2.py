@@ -1,7 +1,4 @@
-"""The bridge to ROS 2, which runs one mission in lock-step with the user's nodes.
-
-The bridge runs in the user's ROS Python, and requires only rclpy and messages; see README.md.
-"""
+"""The bridge to ROS 2, in the user's ROS Python; it requires only rclpy and messages."""
 
 from __future__ import annotations
 
