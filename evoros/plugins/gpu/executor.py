@@ -106,7 +106,7 @@ class Joining:
 
 
 GPU, CPU = "gpu", "cpu"  # devices: an NVIDIA GPU, or the CPU running the same kernel in tests
-ON_CPU, STOP = "cpu", "stop"  # without a usable GPU: run missions on the CPU, or stop the run
+ON_CPU, STOP = "cpu", "stop"  # fallbacks without a GPU: missions on the CPU, or an end of the run
 
 
 @dataclass(frozen=True)
