@@ -44,6 +44,7 @@ class Scenario:
     ]
     simulator: Annotated[Simulator, A_SIMULATOR]
     walkers: Annotated[Mapping[str, Walkers], WALKERS] = field(default_factory=dict)
+    _newest: "tuple[Design, tuple[Member, ...]] | None" = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         if not self.world:
@@ -168,7 +169,16 @@ class Scenario:
         return any(isinstance(member.controller, LiveController) for member in self.members)
 
     def equip(self, design: Design) -> tuple[Member, ...]:
-        """Return the robots with the sensors and evolved values of a design."""
+        """Return the robots with the sensors and evolved values of a design.
+
+        Missions of the same design share its robots, with the tables that robots compute once.
+        """
+        newest = self._newest
+        if newest is None or newest[0] is not design:
+            newest = vars(self)["_newest"] = design, self._equip(design)
+        return newest[1]
+
+    def _equip(self, design: Design) -> tuple[Member, ...]:
         known = [member.name for member in self.members]
         unknown = [name for name in design.parts if name not in known]
         if unknown:
