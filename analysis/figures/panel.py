@@ -102,9 +102,9 @@ def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
 
 def _title(row: pd.Series) -> str:
     scores = [row.fitness, row.validated_fitness]
-    recorded, validated = ("-" if math.isnan(score) else f"{score:.1f}" for score in scores)
+    recorded, validated = ("-" if math.isnan(score) else f"{score:z.1f}" for score in scores)
     low, high = row.get("fitness_low", math.nan), row.get("fitness_high", math.nan)
-    interval = "" if math.isnan(low) else f"\n[{low:.1f}, {high:.1f}]"
+    interval = "" if math.isnan(low) else f"\n[{low:z.1f}, {high:z.1f}]"
     return f"{row.seed}: {recorded} ({validated}){interval}"
 
 

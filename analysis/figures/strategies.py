@@ -120,7 +120,7 @@ def draw_strategies(
     wide = style.is_wide(width)
     below, across = (1, 3) if wide else (3, 1)
     with style.use_style():
-        entries = [*_list_entries(table, treatments), *_KEY]
+        entries = [*_list_entries(table, treatments), *(_KEY if table.random.any() else _KEY[-1:])]
         rows = -(-len(entries) // (2 if wide else 1))
         heights = [1.9, 2.0 * below + 0.14 * rows]
         figure = Figure(figsize=(width, sum(heights)), layout="constrained")

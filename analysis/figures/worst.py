@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -68,7 +69,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     key = _choose(cases, options.design)
     record = next(record for record in study.evaluations if key in dict(count_sensors(record)))
     placed = place_sensors(_of(record.mounts.astype(dict.fromkeys(KEYS, str)), key), record.context)
-    figure = _draw_worst(designs[key], placed, record.context, figure_width(options.columns, 2))
+    width = figure_width(options.columns, 2)
+    name = f"design {key[1]} of\n{Path(key[0]).name}" if len(designs) > 1 else ""
+    figure = _draw_worst(designs[key], placed, record.context, width, name)
     messages = [line for design in designs.values() for line in design.describe()]
     for path, table in tables.items():
         messages += describe_worst_cases(table, read_overrides(path), name_parts(path))
@@ -140,11 +143,15 @@ class _TestedDesign:
 
 
 def _draw_worst(
-    design: _TestedDesign, sensors: pd.DataFrame, context: FigureContext, width: float = PAGE_IN
+    design: _TestedDesign,
+    sensors: pd.DataFrame,
+    context: FigureContext,
+    width: float = PAGE_IN,
+    name: str = "",
 ) -> Figure:
     with use_style():
         wide = is_wide(width)
-        figure = Figure(figsize=(width, (0.42 if wide else 1.65) * width), layout="constrained")
+        figure = Figure(figsize=(width, (0.5 if wide else 1.7) * width), layout="constrained")
         if wide:
             shares, plan = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
         else:
@@ -154,6 +161,12 @@ def _draw_worst(
         failed, title = _find_met(design.cases) if searched is None else _find_confirmed(searched)
         _draw_plan(plan, sensors, context, failed)
         plan.set_title(wrap(title, 30))
+        if name:
+            figure.suptitle(name, fontsize="small")
+        if failed:  # below the panel, where no cone is
+            kinds = ((VERMILLION, "failed"), (BLUE, "working"))
+            handles = [Patch(fc=colour, alpha=0.6, label=label) for colour, label in kinds]
+            figure.legend(handles=handles, frameon=False, loc="outside lower right", ncols=2)
     return figure
 
 
@@ -216,6 +229,3 @@ def _draw_plan(
     labels = sensors.assign(label=sensors["sensor"], bold=sensors["sensor"].isin(failed))
     label_sensors(axes, labels, reach, 0.14 * reach)
     axes.set(xlabel=robot.AXES[0], ylabel=robot.AXES[1])
-    kinds = [(VERMILLION, "failed"), (BLUE, "working")] if failed else [(BLUE, "sensor")]
-    handles = [Patch(fc=colour, alpha=0.6, label=label) for colour, label in kinds]
-    axes.legend(handles=handles, frameon=False, loc="lower center", ncols=2)
