@@ -163,7 +163,9 @@ def describe_controls(summary: pd.DataFrame, label: str) -> list[str]:
     """Return a sentence for each row of ``summarize_controls``; ``label`` names the fitness."""
     several = summary["treatment"].nunique() > 1
     rows = summary.to_dict("records")
-    return [f"{row['treatment']}, " * several + _describe_control(row, label) for row in rows]
+    return [
+        f"{row['treatment']}, control " * several + _describe_control(row, label) for row in rows
+    ]
 
 
 def _describe_control(row: Mapping[Any, Any], label: str) -> str:
@@ -179,6 +181,8 @@ def _describe_control(row: Mapping[Any, Any], label: str) -> str:
         return f"{text}; the champion completes none, so the comparison is inconclusive"
     if row["control_fitness"] == row["champion_fitness"]:
         return f"{text}; the scores are equal, so the control is probably the champion itself"
+    if high < 0:
+        return f"{text}; the control is better"
     if high <= (1 - LITTLE) * champion:
         return f"{text}; {DECIDES.get(row['control'], 'the search')} made little difference here"
     return text if low > 0 else f"{text}; no evidence that the champion is better"

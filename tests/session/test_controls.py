@@ -154,6 +154,7 @@ def test_controls_that_mean_nothing_are_refused_before_the_run(
         (1.0, 1.0 - LITTLE, "made little difference here"),
         (1.0, 1.01 - LITTLE, "no evidence that the champion is better"),
         (0.5, 1.0 - LITTLE, "no evidence that the champion is better"),  # a share of its missions
+        (1.0, -0.01, "the control is better"),
         (0.0, 0.0, "the comparison is inconclusive"),
         (1.0, np.nan, "no evidence that the champion is better"),  # too few runs for an interval
     ],
