@@ -97,7 +97,7 @@ STARTED = Rule("named tuples (parameters, or parameters and memory) or None", _a
 def start_rule(
     rule: Callable[..., Any], names: tuple[str, ...], start: Callable[..., Started], *arguments: Any
 ) -> Bound:
-    """Start a part with ``arguments``, and bind its rule; the rules of its kind take ``names``."""
+    """Start a part with ``arguments`` and bind its rule; ``names`` are the kind's arguments."""
     return bind(rule, names, start_part(start, *arguments))
 
 

@@ -277,7 +277,7 @@ class Experiment:
 
     @cached_property
     def goals(self) -> Goals:
-        """The measures in scores besides the fitness."""
+        """The measures that scores contain in addition to the fitness."""
         bounds = {name: measure.bounds for name, measure in self.descriptors.items()}
         return Goals(
             tuple(self.objectives),

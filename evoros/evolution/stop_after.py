@@ -16,7 +16,7 @@ class Spent:
     generations: int = 0
     missions: int = 0
     simulated_s: float = 0.0
-    processor_s: float = 0.0  # [s], missions since the start or last resume
+    processor_s: float = 0.0  # [s], time of missions since the start or last resume
     wall_s: float = 0.0  # [s], since the start or last resume
 
 

@@ -52,7 +52,7 @@ class Processes(Limits, Executor):
 
 def available_cores() -> int:
     """Return the number of processor cores available to this process."""
-    if sys.platform == "linux":  # other systems have no processor affinity
+    if sys.platform == "linux":  # macOS has no processor affinity
         return min(len(os.sched_getaffinity(0)), read_quota(Path("/sys/fs/cgroup")))
     return os.cpu_count() or 1
 
@@ -82,7 +82,7 @@ class _WorkerPool:
         self._calls: queue.SimpleQueue[_QueuedCall | None] = queue.SimpleQueue()
         # A thread can wait for this future and for an answer simultaneously.
         self._closing: Future[None] = Future()
-        self._lock = Lock()  # held while a call is submitted or the pool closed
+        self._lock = Lock()  # held while a call is submitted or the pool is closed
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]
 
     def start(self) -> None:

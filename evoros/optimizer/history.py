@@ -180,7 +180,7 @@ class ArchiveSearch(FitnessSearch):
         self._archive = archive
 
     def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
-        """Return rows for scored individuals and the best; ``survived`` is 1 for elites."""
+        """Return rows for scored individuals and the best elite; ``survived`` is 1 for elites."""
         changed = self._history.tell(scores)
         self._fill(changed)
         elites = [individual.id for individual in self.champions()]

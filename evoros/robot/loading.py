@@ -141,7 +141,7 @@ def _complete_masses(
 
 
 def _balance_wheels(elements: Element, urdf: Urdf, drive: DriveDescription) -> list[str]:
-    """Correct wheels whose centre of mass lies outside the rim or whose inertia is too large."""
+    """Correct wheels with a centre of mass outside the rim or with too large an inertia."""
     moved, slow = [], []
     for joint in (urdf.joints[name] for name in drive.wheel_joints):
         link = next(link for link in elements.findall("link") if link.get("name") == joint.child)

@@ -77,7 +77,7 @@ class Channel(NamedTuple):
     name: str  # quantity, used as a column prefix, such as range
     unit: str  # unit, used as a column suffix, such as m; empty without a unit
     low: float  # minimum reading; -inf if unlimited
-    high: float  # maximum reading, which a range sensor also reads without obstacles
+    high: float  # maximum reading; range sensors return it without obstacles in range
 
 
 class Sensor(ABC):

@@ -27,9 +27,9 @@ class MeshArea(NamedTuple):
     file: MeshFile
     height_m: float  # robot height
     uses: int  # number of collision elements that use the mesh
-    false_m2: float  # inside the convex parts, outside the mesh; sum over collision elements
-    missed_m2: float  # inside the mesh, outside the convex parts; sum over collision elements
-    footprint_m2: float  # sum over collision elements
+    false_m2: float  # inside convex parts but outside the mesh, summed over collision elements
+    missed_m2: float  # inside the mesh but outside convex parts, summed over collision elements
+    footprint_m2: float  # summed over collision elements
 
     @property
     def is_large(self) -> bool:

@@ -33,7 +33,7 @@ class WorstCases:
     # when sets fail
     times_s: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0  # maximum failure time of a mutant
-    max_cases: Annotated[int, checks.COUNT] = 500  # up to this number of a size, all are tried
+    max_cases: Annotated[int, checks.COUNT] = 500  # all are tried up to this number per size
     rounds: Annotated[int, checks.WHOLE] = 2  # rounds of mutants per size
     population: Annotated[int, checks.COUNT] = 24  # mutants per round
     screening: Annotated[int, checks.COUNT] = 6  # trials per case; 2 if both are completed

@@ -28,7 +28,7 @@ PART_1, PART_2, PART_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487
 
 _MANY = 1e6  # [rad], below which the number of quarter turns has at most 20 bits
 _CLOSE = 2.0**-60  # [rad] per quarter turn, minimum remainder for which three parts suffice
-_ALL_WHOLE = 2.0**52  # products from here on are whole turns: 50 significant bits at most
+_ALL_WHOLE = 2.0**52  # larger products are whole turns, with at most 50 significant bits
 _SCALE = 200  # power of 2 moved from the angle to 2/pi, to prevent under- and overflow
 TWO_OVER_PI_BITS = (
     "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a"

@@ -167,7 +167,7 @@ def _height_of(axis: tuple[float, ...], *frames: Element | None) -> float:
 
 
 def _is_panel(link: Element | None) -> bool:
-    """Return True if any collision of a link is a thin box; others may be a door handle."""
+    """Return True if any collision of a link is a thin box; further collisions may be handles."""
     sizes = [] if link is None else link.iterfind("collision/geometry/box/size")
     lengths = (sorted(xml.read_positive(size, 3)) for size in sizes)
     return any(thin < _THIN * middle for thin, middle, _ in lengths)

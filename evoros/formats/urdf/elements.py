@@ -173,7 +173,7 @@ def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
     return mass, np.array(frame.position), tensor
 
 
-DENSITY_KG_M3 = 500.0  # assumed for parts without a mass, which are hollow: foam to plastic
+DENSITY_KG_M3 = 500.0  # density of parts without a mass, assumed hollow: between foam and plastic
 _MIN_GYRATION_M = 1e-4
 _DEFAULT_GYRATION_M = 0.02  # radius of gyration [m] of a link without shapes
 _NAMED = 6  # maximum number of links named in a message

@@ -135,7 +135,7 @@ class Urdf:
 
 
 def read_tree(robot: Element, source: str) -> Urdf:
-    """Read the links and joints of a ``<robot>``, which errors call ``source``."""
+    """Read the links and joints of a ``<robot>``; errors begin with ``source``."""
     links = _find_by_name(robot, "link")
     elements = _find_by_name(robot, "joint")
     joints = {name: read_joint(element, links) for name, element in elements.items()}

@@ -70,7 +70,7 @@ class SitlFrames:
                 return values[WIDTHS:]
 
     def connect(self, limit_s: float) -> None:
-        """Wait for the first frame, and connect the socket to its sender."""
+        """Wait for the first frame, and connect the socket to the sender of the frame."""
         until = monotonic() + limit_s
         while True:
             try:

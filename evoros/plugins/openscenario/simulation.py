@@ -171,7 +171,7 @@ class Simulation(SimulationInterface):  # type: ignore[misc]
             self._logger.error(self.problem)
 
     def build_failure(self, *overrides: str) -> Failure:
-        """Build a failure model, which may use parts of the user."""
+        """Build a failure model, which may contain the user's parts."""
         return build_failure(overrides, self._config_dir)
 
     def check_event(self, trigger: Trigger) -> None:
