@@ -109,6 +109,7 @@ class Words(NamedTuple):
     words: str  # after the experiment of the tests
     filled: Mapping[str, str] = {}
     of_default: bool = False  # after the default experiment instead
+    slow: bool = False
 
 
 RUNS = (
@@ -133,6 +134,7 @@ RUNS = (
         "controller=ardupilot",
         {"...": "/bin/true"},
         of_default=True,
+        slow=True,
     ),
     Words(
         "evoros/controller/ardupilot_parameters.py controller/localization=exact",
@@ -142,33 +144,36 @@ RUNS = (
     Words(
         "evoros/controller/dead_reckoning.py design=reckoning",
         "controller/localization=dead_reckoning",
+        slow=True,
     ),
     Words("evoros/design/protocol.py design=around", "+design.regions.front.link=nowhere"),
-    Words("evoros/design/region.py design=around", "robot=courier"),
+    Words("evoros/design/region.py design=around", "robot=courier", slow=True),
     Words(
         "evoros/failure/combined.py failure=...",
         "failure=combined +failure@failure.failures.x=exhaustive",
         {"...": "exhaustive"},
         of_default=True,
     ),
-    Words("evoros/plugins/barn/fitness.py fitness=barn", "fitness=barn"),
-    Words("evoros/mission/scenario.py simulator=planar", "agents=oncoming"),
+    Words("evoros/plugins/barn/fitness.py fitness=barn", "fitness=barn", slow=True),
+    Words("evoros/mission/scenario.py simulator=planar", "agents=oncoming", slow=True),
     Words("evoros/mission/scenario.py world", "+world.x.a=1", {"...": "maze"}),
     Words(
         "evoros/mission/scenario.py world=case_study",
         "~world.boxes ~world.maze ~world.blocks",
         of_default=True,
     ),
-    Words("evoros/mission/scenario.py simulator=planar", "walkers=people"),
+    Words("evoros/mission/scenario.py simulator=planar", "walkers=people", slow=True),
     Words(
         "evoros/optimizer/history.py +measure@descriptors.front=front_coverage",
         "optimizer=map_elites ~descriptors",
         of_default=True,
+        slow=True,
     ),
     Words(
         "evoros/optimizer/nsga2.py optimizer=nsga2",
         "optimizer=nsga2 ~objectives.robustness",
         of_default=True,
+        slow=True,
     ),
     Words("evoros/optimizer/protocol.py optimizer=random_search", "design.number=0"),
 )

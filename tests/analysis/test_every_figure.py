@@ -144,7 +144,9 @@ def test_faults_of_text_are_found() -> None:
     assert on_text == "text on text: 'under' and 'over'"
 
 
-@pytest.mark.parametrize("treatments", [1, pytest.param(2, marks=pytest.mark.slow), 6])
+@pytest.mark.parametrize(
+    "treatments", [*(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2)), 6]
+)
 @pytest.mark.parametrize("name", ["overlay", "panel", "strategies", "factors"])
 def test_any_number_of_treatments_can_be_read(
     name: str, treatments: int, studies: Callable[[str], Study], look: list[str]

@@ -99,7 +99,7 @@ SEEDS = "seed=3,12"
 @pytest.mark.parametrize(
     "words",
     [
-        ("trials=1,2", SEEDS, "+treatment.name=mine"),
+        pytest.param(("trials=1,2", SEEDS, "+treatment.name=mine"), marks=pytest.mark.slow),
         (SEEDS, "trials=${seed}"),
         ("failure=none,random", "seed=3,0", "hydra.sweep.subdir=s_${seed}"),
         ("optimizer.mutation_probability=0.30000000000000004,0.000001,1",),

@@ -268,6 +268,7 @@ def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     assert content(run) == content(finished_run(tmp_path / "whole"))
 
 
+@pytest.mark.slow
 def test_a_mission_that_is_lost_once_is_tried_again(tmp_path: Path) -> None:
     run = tmp_path / "run"
     lost = ["simulator.fault=exit", f"simulator.mark={tmp_path / 'mark'}"]

@@ -271,7 +271,10 @@ def refuse_run(source: str, typed: frozenset[str]) -> NoReturn:
     raise InputError(f"{source}: no case reads a run; leave it out")
 
 
-@pytest.mark.parametrize("case", RUNS, ids=attrgetter("words"))
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.slow] * case.slow, id=case.words) for case in RUNS],
+)
 def test_a_refusal_of_a_run_is_lifted_by_each_of_its_proposals(
     case: Words, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -48,7 +48,10 @@ def places(folder: Path) -> list[str]:
     return [*names, ".missions.csv.part", "lost", "champion/.design.csv.part", "damaged"]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "evaluate")) for name in COMMANDS],
+)
 def test_no_link_is_followed(
     command: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

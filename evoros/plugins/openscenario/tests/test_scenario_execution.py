@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -265,6 +266,9 @@ def test_parts_fail_at_places_and_one_after_another(run: Callable[..., Ended], h
     assert "inject_failure: constant of drive" in ended.lines
 
 
+slow = partial(pytest.param, marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [
@@ -272,21 +276,21 @@ def test_parts_fail_at_places_and_one_after_another(run: Callable[..., Ended], h
         ("nowhere.osc", "File does not exist"),
         (scenario("wait elapsed(3s)", overrides="world=mazze"), "world: must be one of"),
         (scenario("wait elapsed(3s)", overrides="world=maze"), "designs: must be a CSV file"),
-        (
+        slow(
             scenario("wait elapsed(3s)", overrides=PART + " world=case_study"),
             "must be a single world",
         ),
         (scenario('inject_fault(sensors: "6")'), "must be all, numbers from 0 to 5"),
-        (scenario('inject_fault(sensors: "all", effect: "hush")'), "filter: must be one of"),
-        (scenario('inject_fault(sensors: "all", settings: "loud=1")'), "loud"),
+        slow(scenario('inject_fault(sensors: "all", effect: "hush")'), "filter: must be one of"),
+        slow(scenario('inject_fault(sensors: "all", settings: "loud=1")'), "loud"),
         (scenario('inject_part_fault(part: "battery")'), "use inject_failure for another"),
-        (scenario('inject_part_fault(part: "wheel", effect: "stuck")'), "strength of a wheel"),
+        slow(scenario('inject_part_fault(part: "wheel", effect: "stuck")'), "strength of a wheel"),
         (scenario('inject_failure(failure: "drive", onset: "noon")'), "onset: must be one of"),
         (
             scenario('inject_failure(failure: "drive", onset: "place", settings: "onset.x_m=99")'),
             "failure.onset: must be in the world",
         ),
-        (
+        slow(
             scenario('inject_part_fault(part: "drive")', "drive(speed: 0.1mps, duration: 2s)"),
             "must not affect commands, steering or drive",
         ),
