@@ -64,7 +64,7 @@ def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
 def _split(
     path: pd.DataFrame, failed: str = "failed_sensors", failed_by: str = "failed_by"
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield each effect with the rows at which items failed with it, reduced to these items."""
+    """Yield each effect with the rows in which it occurs, limited to the items with that effect."""
     if failed not in path:
         return
     hit = path[path[failed].fillna("") != ""]  # parts of other robots cannot fail

@@ -27,7 +27,7 @@ def read_champion_signals(record: Record) -> pd.DataFrame:
 
 
 def read_champion(record: Record) -> pd.DataFrame:
-    """Read a champion's sensors; without any, return a single row with the fitness."""
+    """Read a champion's sensors; return a single row with the fitness if it has no sensors."""
     return require_row(read_champion_sensors(record), **_fitness(record))
 
 

@@ -158,7 +158,7 @@ class Study:
 
     @property
     def ranked(self) -> tuple[Record, ...]:
-        """The finished runs, best first; an error without any."""
+        """The finished runs, best first; it is an error if there are none."""
         finished = tuple(record for record in self.ordered if record.finished)
         if not finished:
             self.records[0].require_finished()

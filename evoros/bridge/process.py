@@ -133,7 +133,7 @@ def _start_keeper(
 
 
 def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None:
-    """Wait until the keeper has killed everything; if the keeper was killed, do its work."""
+    """Wait until the keeper has killed all processes; kill them here if the keeper was killed."""
     if keeper.poll() is None:  # otherwise its process id may be reused
         _await_end(keeper)
     if keeper.wait() != 0:

@@ -18,7 +18,7 @@ UNUSED = "_"  # loop argument that rules of a kind do not receive
 
 
 class Nothing(NamedTuple):
-    """The parameters or memory of a rule without any."""
+    """Empty parameters or an empty memory of a rule."""
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ class Briefing:
     robot: Robot  # robot with the sensors of the design
     home: tuple[float, float, float, float]  # x, y, z [m], yaw [rad]
     route: Array  # (legs, 2) [m], waypoints in order
-    acceptance_m: float  # distance from a waypoint at which it is reached
+    acceptance_m: float  # distance at which a waypoint is reached
     time_limit_s: float
     seed: int  # 0 to 2^32 - 1, seed for all random draws of the controller in this mission
 

@@ -35,7 +35,7 @@ class NumberLog:
         self._numbers.extend(row)
 
     def find(self, individuals: Iterable[int]) -> dict[int, list[list[float]]]:
-        """Return the rows of each individual, an empty list without any."""
+        """Return the rows of each individual; the list is empty for an individual without rows."""
         rows: dict[int, list[list[float]]] = {i: [] for i in individuals}
         known = np.asarray(self._individuals)
         numbers = np.asarray(self._numbers).reshape(-1, self._width)

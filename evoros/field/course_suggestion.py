@@ -242,7 +242,7 @@ def _find_loop(
 def _find_turn(
     points: Array, lengths: Array, legs: NDArray[np.bool_], spacing: float
 ) -> _Route | None:
-    """Find the longest way [m] along two legs around a corner and back; None without any."""
+    """Find the longest way [m] along two legs around a corner and back; None if there is none."""
     out, on = points - points[0], points[None] - points[:, None]
     along = np.abs((out[:, None] * on).sum(axis=2))
     turns = along <= STRAIGHT * lengths[0][:, None] * lengths

@@ -53,7 +53,7 @@ class Absences:
         self._absences.append(absence)
 
     def require_none(self, choices: str) -> None:
-        """Raise an error if anything is missing; it suggests ``choices`` unless empty."""
+        """Raise an error if anything is missing; the message suggests ``choices``, if not empty."""
         if not self._absences:
             return
         first, names = self._absences[0], self.names()

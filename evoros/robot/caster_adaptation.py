@@ -179,7 +179,7 @@ def _list_bottoms(urdf: Urdf, link: str) -> list[tuple[float, float, float]]:
 
 
 def _find_short(urdf: Urdf, places: Sequence[tuple[float, float, float]]) -> str:
-    """Say which links at the places of assumed supports end above these; "" if none does."""
+    """Describe the links that end above assumed supports at the same places, if any, else ""."""
     short = {
         f"{link} ends {1e3 * z:.0f} mm above the ground there, its counterpart at {1e3 * low:.0f}"
         for link in urdf.poses

@@ -32,7 +32,7 @@ def find_prefix(links: Iterable[str], types: Collection[str]) -> str:
 
 
 def _highest_level(names: Iterable[str], types: Collection[str]) -> int:
-    """Return the maximum number of prefixes before sensor names in ``names``; -1 without any."""
+    """Return the maximum number of prefixes before sensor names in ``names``; -1 if none match."""
     pattern = rf"((?:{_PREFIX})*)(?:{'|'.join(map(re.escape, types))})_[0-9]+(?:_joint)?"
     matches = (re.fullmatch(pattern, name) for name in names) if types else ()
     return max((len(match[1]) // len(_PREFIX) for match in matches if match), default=-1)

@@ -1,4 +1,4 @@
-"""The inputs of an evaluation: the designs, and the run from which it takes its configuration."""
+"""The inputs of an evaluation: its designs, and the run that provides its configuration."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path

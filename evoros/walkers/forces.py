@@ -124,7 +124,7 @@ def turn_back(parameters: Array, memory: Array, i: int) -> None:
 
 @compilable
 def waits(parameters: Array, memory: Array, robots: Array, i: int, step: float) -> bool:
-    """Return True if a walker waits for a nearby robot, which it does for a limited time."""
+    """Return True if a walker waits for a nearby robot; the duration of waits is limited."""
     walker = unpack(Walk, parameters).walkers[i]
     motion = unpack(Walking, memory).motions[i]
     near = False

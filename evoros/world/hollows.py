@@ -40,7 +40,7 @@ def fill_hollow(bodies: Sequence[Body], point: Array, height_m: float) -> list[F
 def _find_enclosure(
     body: Body, low: Array, high: Array, point: Array, height_m: float
 ) -> FreeSpace:
-    """Return the free region around a point; it is empty if it is open or surrounds something."""
+    """Return the free region around a point; empty if the region is open or contains an object."""
     cell = max(CELL_M, float((high - low).max()) / _MOST_CELLS)
     areas = project_bodies([body], height_m)
     space = FreeSpace.within(low - 2 * cell, high + 2 * cell, areas, cell, cell_m=cell)

@@ -126,7 +126,7 @@ class CaseSearch:
     whole: set[int] = field(default_factory=set)  # numbers of sensors whose sets were all tried
 
     def run(self) -> list[CaseTrials]:
-        """Return the smallest cases that stop the design; empty without any."""
+        """Return the smallest cases that stop the design; empty if no case does."""
         settings = self.settings
         self.nominal = CaseTrials(Case(), 0, NOMINAL)
         fresh = range(settings.screening, settings.screening + settings.trials)

@@ -153,7 +153,7 @@ def read_shapes(link: Element) -> tuple[Shape, ...]:
 
 
 def read_visuals(link: Element) -> tuple[Shape, ...]:
-    """Read the visual shapes of a link; without any, or with a mesh, its collision shapes."""
+    """Read a link's visual shapes, or the collision shapes if visuals are missing or meshes."""
     try:
         return tuple(map(read_shape, link.findall("visual"))) or read_shapes(link)
     except InputError:  # an unusable visual is no reason to reject a robot

@@ -46,7 +46,7 @@ class Ground:
 
     @contextmanager
     def painted(self) -> Iterator[None]:
-        """Undo at the end everything that is painted in this context."""
+        """Restore the picture at the end of the context."""
         self._covered = []
         try:
             yield
