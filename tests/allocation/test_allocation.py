@@ -131,7 +131,7 @@ class Idle(Once):
 
 
 @pytest.mark.parametrize(
-    ("allocation", "said"), [(Greedy(), "at most 1"), (Idle(), "gave design . none")]
+    ("allocation", "said"), [(Greedy(), "at most 1"), (Idle(), "gave none to design .")]
 )
 def test_an_allocation_that_breaks_its_promise_is_refused(allocation: Once, said: str) -> None:
     with pytest.raises(InputError, match=rf"allocation: .*{said}.*; correct (Greedy|Idle)$"):

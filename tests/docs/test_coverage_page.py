@@ -21,6 +21,7 @@ SHOWN = re.compile(
     r"\bp of\b|\bthe p\b|-sided p\b|\bp-values?\b|\bchances? (of|that)\b|[Cc]onfidence"
 )
 ELSEWHERE = {
+    "advise_seeds": "warns of the minimum of a p",
     "bound_combined": "passes on the interval of a fitness",
     "deviation": "is a property of Scatter",
     "format_p": "writes a p",

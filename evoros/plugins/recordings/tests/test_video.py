@@ -579,7 +579,7 @@ def test_a_damaged_trajectory_is_said_in_one_line(
         (["--size", "641x480"], "even"),
         (["--speed", "0"], "positive number"),
         (["--from", "5", "--to", "5"], "greater than start_s"),
-        (["--from", "5000"], "ends at"),
+        (["--from", "5000"], "the end of the mission"),
         (["--run", "none"], "--run"),
     ],
 )
