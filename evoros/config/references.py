@@ -28,7 +28,7 @@ _OUTSIDE = re.compile(
 """Keys with values that are passed to other programs."""
 _ADDRESS = re.compile(r"://[^/\s]*@")
 _HIDDEN = "${evoros.secret:}"  # unknown resolver, which keeps references from being resolved
-_Place = tuple[Any, Any, str, str]  # mapping or list; key or index, dotted key and string in it
+_Place = tuple[Any, Any, str, str]  # mapping or list, key or index in it, dotted key, string
 
 
 def settle(config: DictConfig) -> tuple[str, dict[str, Any]]:

@@ -62,7 +62,7 @@ class Contest:
 
     @property
     def compared(self) -> int:
-        """The number of trials used to compare designs; all designs of the last round have it."""
+        """The number of trials for comparisons, which all designs of the last round have."""
         last = self.rounds[-1] if self.rounds else ()
         return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 

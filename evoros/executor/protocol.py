@@ -45,7 +45,7 @@ class Batches(Protocol):
 
     @property
     def option(self) -> str:
-        """The override that selects it, such as executor=gpu."""
+        """The override that selects these settings, such as executor=gpu."""
 
     @property
     def device(self) -> str:

@@ -36,7 +36,7 @@ class Suggestion(NamedTuple):
 
     course: Course
     place: str  # completes "The course lies ..."
-    is_enclosed: bool  # whether it is in the largest enclosed region
+    is_enclosed: bool  # whether the course is in the largest enclosed region
 
 
 ATTEMPTS = (

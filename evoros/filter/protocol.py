@@ -110,7 +110,7 @@ class Filter(ABC):
     """Noise, delay or fault of a signal between its source and its reader."""
 
     name: str
-    """Name in ``failed_by`` and of random streams, so it must not change with the class's."""
+    """Name in random streams and in ``failed_by``; it must not change when the class is renamed."""
     effect: str = ALTERS  # effect on readings, shown in figures: ``ENDS``, ``ALTERS`` or ``GROWS``
     rule: Callable[..., None]
     """Static method that changes each sample; takes a subset of ``FILTER_ARGUMENTS``."""

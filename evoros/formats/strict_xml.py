@@ -51,7 +51,7 @@ def parse(content: bytes, source: str) -> Element:
         # A DOCTYPE can define entities, which can read files and grow without bound.
         line = content[: content.find(b"<!DOCTYPE") + 1].count(b"\n") + 1
         raise InputError(f"{source}:{line}: a DOCTYPE is not accepted; delete it")
-    if _DEFAULT_NAMESPACE.search(content):  # ROS and Gazebo ignore it
+    if _DEFAULT_NAMESPACE.search(content):  # ROS and Gazebo ignore default namespaces
         for element in root.iter(etree.Element):
             if element.prefix is None:
                 element.tag = etree.QName(element).localname

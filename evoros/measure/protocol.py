@@ -48,7 +48,7 @@ class Measure(ABC):
     unit: str = ""  # unit in figures; empty if dimensionless
     bounds: Sequence[float]  # minimum and maximum in an archive; designs may lie outside
     direction: str = MAXIMIZE  # direction of optimization, ``maximize`` or ``minimize``
-    of_design: bool = False  # True if it depends on the design alone; checked before a run
+    of_design: bool = False  # True if the measure depends on the design alone
 
     @abstractmethod
     def compute(self, evaluated: Evaluated) -> float:

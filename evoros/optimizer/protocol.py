@@ -22,7 +22,7 @@ class Individual:
     id: int  # unique in a run, increasing by creation
     genome: Array  # (space.size,), values from 0 to 1
     parents: tuple[int, ...]
-    operator: str  # operator that created it, such as initial, crossover or mutation
+    operator: str  # operator that created the individual, such as initial, crossover or mutation
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Candidate:
     """A row in the table of a generation."""
 
     individual: Individual
-    operator: str  # operator that added it to the pool, such as survivor, clone or crossover
+    operator: str  # operator that added the candidate, such as survivor, clone or crossover
     fitness: float
     survived: int  # number of copies in the next population
 

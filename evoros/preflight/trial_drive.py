@@ -71,7 +71,7 @@ class Trial:
         places = ((0.0, 0.0), (ARM_M, 0.0), (0.0, ARM_M))
         height = robot.mount_z_m
         mounts = [Mount("plumb", robot.mount_link, x, y, height, 0.0, -90.0) for x, y in places]
-        transparent = replace(robot, occluders=Occluders())  # the plumb sensors see through it
+        transparent = replace(robot, occluders=Occluders())  # plumb sensors see through this robot
         self._robot = transparent.with_sensors(mounts, {"plumb": PLUMB})
         self._simulator, self._world, self._speed = simulator, world, speed
 

@@ -51,7 +51,7 @@ def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
 
 
 def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | None:
-    """Return the outline (k, 2) [m] of the shapes that reach a height [m]; None if none does."""
+    """Return the outline (k, 2) [m] of the shapes that reach a height [m]; None without shapes."""
     ranges = [solid.height_range for solid in solids]
     reaching = [
         (solid.shape, solid.pose)

@@ -196,7 +196,7 @@ def _resume(
         extended |= size != configured["optimizer"]["generations"]
         return Search(experiment, record, size, extended, not goes_on and wanted is None)
     key, written = plan.find_growing(configured), experiment.plan.evaluation_trials
-    if key == plan.TRIALS and SIZES[key] not in record.read_status():  # else the status has it
+    if key == plan.TRIALS and SIZES[key] not in record.read_status():
         written = max(written, record.rows.trials)
     designs = read_recorded_designs(record.path, experiment)
     return _start_evaluation(record, experiment, designs, _find_size(record, key, written, wanted))

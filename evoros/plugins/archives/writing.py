@@ -237,7 +237,7 @@ def _relocation(source: _Source, layout: Layout) -> archives.Relocation:
     others = {} if home is None else {str(home): "~"}
     others |= {str(source.origin): ".", **source.named}
     others[str(source.folder.resolve())] = source.place
-    if is_telling(socket.gethostname()):  # a cluster scheduler's address may contain it
+    if is_telling(socket.gethostname()):  # addresses of cluster schedulers may contain the name
         others[socket.gethostname()] = LOCAL
     others.pop("/", None)
     return layout.relocation(layout.place(source.working), others)

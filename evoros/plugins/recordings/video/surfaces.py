@@ -26,7 +26,7 @@ class Surface:
     corners: Array  # (3 t, 4) homogeneous coordinates [m]
     normals: Array  # (t, 3), of length 1
     colours: Array  # values from 0 to 1
-    is_open: bool = False  # whether it is visible from both sides
+    is_open: bool = False  # whether the surface is visible from both sides
 
     @classmethod
     def from_triangles(cls, triangles: Array, colours: Array, is_open: bool = False) -> "Surface":
