@@ -73,12 +73,13 @@ def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach
     covered = np.zeros(x.shape, dtype=bool)
     for sensor_x, sensor_y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist():
         dx, dy = x - sensor_x, y - sensor_y
+        near = ~covered & (np.hypot(dx, dy) <= min(range_m, reach_m))
+        dx, dy = dx[near], dy[near]
         cos, sin = math.cos(math.radians(yaw)), math.sin(math.radians(yaw))
         forward, aside = cos * dx + sin * dy, np.abs(cos * dy - sin * dx)
         angle = np.degrees(np.arctan2(aside, forward))
         on_axis = (forward >= 0) & (aside <= cell_m / 2)
-        near = np.hypot(dx, dy) <= min(range_m, reach_m)
-        covered |= near & ((angle <= fov / 2 + 1e-9) | on_axis)
+        covered[near] = (angle <= fov / 2 + 1e-9) | on_axis
     return covered
 
 

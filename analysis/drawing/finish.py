@@ -1,5 +1,6 @@
 """Final steps of each figure: panel letters, complete markers, and labels that fit."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
@@ -48,11 +49,16 @@ def list_panels(figure: Figure) -> list[Axes]:
     """List the axes that are panels, not colour bars, twin axes or pictures."""
     panels: list[Axes] = []
     for axes in figure.axes:
-        twin = any(np.allclose(axes.bbox.bounds, other.bbox.bounds) for other in panels)
+        twin = any(_coincide(axes.bbox.bounds, other.bbox.bounds) for other in panels)
         shown = axes.axison and axes.get_visible() and axes.get_label() != COLOUR_BAR
         if shown and not twin:
             panels.append(axes)
     return panels
+
+
+def _coincide(one: Sequence[float], other: Sequence[float]) -> bool:
+    pairs = zip(one, other, strict=True)
+    return all(math.isclose(*pair, rel_tol=1e-5, abs_tol=1e-8) for pair in pairs)
 
 
 def _add_letters(figure: Figure, first: str) -> None:
@@ -153,14 +159,14 @@ def _align_panels(figure: Figure) -> None:
 
 
 def _thin_ticks(figure: Figure) -> None:
+    figure.draw_without_rendering()
+    axes = list(_number_axes(figure))
     for _ in range(_ROUNDS):
-        figure.draw_without_rendering()
-        crowded = [axis for axis in _number_axes(figure) if collide(list_tick_labels(axis))]
-        if not crowded:
-            return
-        for axis in crowded:
+        axes = [axis for axis in axes if collide(list_tick_labels(axis))]
+        for axis in axes:
             fewer = max(2, len(list_tick_labels(axis)) - 2)
             axis.set_major_locator(MaxNLocator(fewer, steps=[1, 2, 5, 10]))
+            axis.get_tightbbox()  # places the labels
 
 
 def _part_numbers(figure: Figure) -> None:
