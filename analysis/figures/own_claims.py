@@ -185,7 +185,7 @@ def title_measure(measure: str) -> str:
 
 
 def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
-    """Return the value of random designs, and how much champions exceed it; NaN without them."""
+    """Return the value of random designs and the gain of champions; NaN without random designs."""
     random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING

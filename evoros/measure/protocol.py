@@ -48,7 +48,7 @@ class Measure(ABC):
     unit: str = ""  # unit in figures; empty if dimensionless
     bounds: Sequence[float]  # minimum and maximum in an archive; designs may lie outside
     direction: str = MAXIMIZE  # direction of optimization, ``maximize`` or ``minimize``
-    of_design: bool = False  # True if the measure depends on the design alone
+    of_design: bool = False  # True if the value needs no outcomes and is checked before a run
 
     @abstractmethod
     def compute(self, evaluated: Evaluated) -> float:

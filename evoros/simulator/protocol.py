@@ -67,7 +67,7 @@ class Simulator(ABC):
     after the states of the robots.
     """
     weakens_wheels: bool = False
-    """True if wheels can weaken (see ``find_targets``); if not, missions reject it."""
+    """True if wheels can weaken (see ``find_targets``); else missions reject wheel failures."""
 
     @abstractmethod
     def open(

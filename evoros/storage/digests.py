@@ -33,7 +33,7 @@ from evoros.storage.tables import to_csv
 
 @dataclass(frozen=True)
 class Repair:
-    """A repaired file; it was missing if only ``path`` is set."""
+    """A repaired file; the file was missing if only ``path`` is set."""
 
     path: Path
     where: str = ""  # damaged lines if known, such as ": line 3, 7"

@@ -127,7 +127,7 @@ class Engine:
                     f"simulator=mujoco"
                 ) from error
             self._built_from = source
-        self.bullet.setTimeStep(settings.time_step)  # a mission may have reduced it
+        self.bullet.setTimeStep(settings.time_step)  # a mission may have reduced the step
         self._reset(self._model.robots)
         for body in self._model.falling:
             bodies.wake(self.bullet, body)

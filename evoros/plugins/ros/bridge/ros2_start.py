@@ -135,7 +135,7 @@ def set_environment(isolated: bool) -> object:
     if not isolated and os.environ.get("RMW_IMPLEMENTATION", FAST).startswith(FAST):
         for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
             os.environ[name] = PROFILE
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # the profile limits it
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # limited by the profile
     elif old:
         os.environ["ROS_LOCALHOST_ONLY"] = "1"
     else:
