@@ -121,7 +121,7 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Reduce a study to the first robot of each run, or to the agent of this name where present."""
+    """Reduce a study to the first robot of each run, or to the given agent where present."""
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):

@@ -225,7 +225,7 @@ def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
 
 
 def list_individuals(generations: pd.DataFrame, axis: str = "generation") -> pd.DataFrame:
-    """List the candidates of a run, each with its cost and the trace of its generation."""
+    """List a run's candidates with costs, and with ``trace_fitness`` at their generation."""
     names = {"recorded": "best_recorded", "validated": "best_validated"}
     first = dict.fromkeys(("generation", axis, "id", "operator", "fitness", "validated_fitness"))
     table = generations[list(first)]

@@ -44,7 +44,7 @@ def find_edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
 
 @compilable
 def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float, int]:
-    """Return the largest separation [m] of points from an edge of a polygon, and the edge or -1.
+    """Return the maximum separation [m] of points from a polygon's edge, and the edge (-1: none).
 
     The search stops at the first edge that separates the points by more than ``enough`` [m].
     """
@@ -132,7 +132,7 @@ def polygon_contact(
             return radius - best if best > 0.0 else 0.0, nx, ny, 0.0, 0.0, 0.0
     near, low, high = _support(first, nx, ny)
     far, from_, to = _support(second, -nx, -ny)
-    # The perpendicular of the opposite normal has the opposite direction.
+    # The ends of the second edge are measured in the opposite direction.
     start = max(low, -to)
     end = min(high, -from_)
     if start > end:

@@ -88,7 +88,7 @@ def open_layers(participant: Participant) -> Iterator[Sequence[LayerStage]]:
 
 
 def start_layers(layers: Sequence[protocol.StartedLayer]) -> list[LayerStage]:
-    """Pack the parameters and memories of layers; layers keep sharing a memory."""
+    """Pack the parameters and memories of layers; shared memories are packed only once."""
     memories: dict[int, Array] = {}
     stages = []
     for layer in layers:

@@ -94,7 +94,7 @@ class Drive(NamedTuple):
     steering_gain: float  # fraction of the steering error corrected per step
     speed_gain: float  # fraction of the speed error corrected per step
     steering_mean: float  # mean curvature over a step: 0 is the initial, 1 the final value
-    speed_mean: float  # mean speed over a step, in the same form
+    speed_mean: float  # mean speed over a step, on the same scale
     max_speed: float  # [m/s]
     speed_limit_offset: float  # [m], offset of the point that limits the speed from the axle
     steering_limit: float  # [rad]
