@@ -122,10 +122,7 @@ class Evaluator:
     """A context manager that scores designs with the same workers in each call.
 
     The configuration's optimizer is ignored. Arguments are as in ``run``. The evaluator's methods
-    display progress.
-
-    Raises:
-        InputError: the configuration cannot be used.
+    display progress. A configuration that cannot be used raises an InputError.
     """
 
     def __init__(
@@ -158,9 +155,7 @@ class Evaluator:
     def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
         """Return the fitness of each design; a different ``generation`` gives fresh random draws.
 
-        Raises:
-            InputError: a design cannot be built, or the evaluator is not open.
-            RunStopped: a mission was lost.
+        A design that cannot be built raises an InputError, a lost mission a RunStopped.
         """
         missions, outcomes = self._run(designs, generation)
         scoring = self.experiment.scoring

@@ -15,8 +15,7 @@ from ..statistics.two_samples import brunner_munzel
 from .clusters import Clusters, compare_with_samples, find_clusters
 
 STEP_DEG = 5
-HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)
-"""Headings [deg] in the robot's frame: 0 ahead, left positive; -180 equals 180."""
+HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)  # 0 ahead, left positive; -180 is 180
 AHEAD_DEG = 30.0  # maximum angle from straight ahead that counts as ahead
 QUANTILES = 36
 DESIGN = ["run", "treatment", "seed", "design"]  # columns that identify a design in a sensor table

@@ -58,8 +58,7 @@ PER_IN = 16.5  # characters per inch at this font size
 BOLD_PER_IN = 15.0
 WIDE = {"measure": 1.85, "measured [95%]": 1.05, "n": 0.28, "against": 0.77, "verdict": 1.05}
 WIDE[""] = 2.0
-NARROW = {"measure": 1.42, "measured [95%]": 1.04, "verdict": 1.04}
-"""Columns of narrow tables, with their widths [in]; ``WIDE`` has more columns."""
+NARROW = {"measure": 1.42, "measured [95%]": 1.04, "verdict": 1.04}  # columns and widths [in]
 Rows = list[tuple[list[str], list[list[str]], str]]
 
 

@@ -147,8 +147,7 @@ class _Ground(NamedTuple):
         return x, y
 
 
-Made = tuple[_Ground, Callable[[Sequence[int]], _Content]]
-"""The axes of a map, and a function that selects the designs of given runs."""
+Made = tuple[_Ground, Callable[[Sequence[int]], _Content]]  # axes, and designs of given runs
 
 
 def _map_archive(study: Study, options: argparse.Namespace) -> Made:

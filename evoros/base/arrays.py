@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 
 from evoros.base.compilable import compilable
 
-Array: TypeAlias = NDArray[np.float64]
-"""A float64 array; docstrings state its shape, such as (n, 3), and its units."""
-Matrix: TypeAlias = Annotated[Array, "two dimensions"]
-"""A two-dimensional array in the parameters or the memory of a rule."""
+Array: TypeAlias = NDArray[np.float64]  # float64; docstrings state shape, as (n, 3), and units
+Matrix: TypeAlias = Annotated[Array, "two dimensions"]  # two-dimensional, in rules' arguments
 
 NO_VALUES: Array = np.zeros(0)
 

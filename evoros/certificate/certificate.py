@@ -52,8 +52,7 @@ class Certificate:
     fitness_low: float  # lower end of the interval from all fresh draws; NaN if unknown
     fitness_high: float
     precision: float | None  # required half-width of the interval
-    # Trials to reach a missed precision; None if it was reached or is out of reach.
-    precision_trials: int | None
+    precision_trials: int | None  # trials to reach a missed precision; None: not needed or too many
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
     rival_advantage: float  # upper confidence bound on the best rival's advantage; NaN: unknown

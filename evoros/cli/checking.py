@@ -23,8 +23,7 @@ from evoros.terminal.activity import announce
 from evoros.terminal.console import INPUT, report_error
 from evoros.terminal.log import LOGGER, withhold_messages
 
-Explain: TypeAlias = Callable[[Path, BaseException], JobResult]
-"""Converts the exception that ended a job into the job's result."""
+Explain: TypeAlias = Callable[[Path, BaseException], JobResult]  # result of a job that raised this
 MAX_FAULTS = 10  # maximum number of faults described; further faults are only counted
 MAX_BUILT = 16  # maximum number of experiments cached for similar jobs
 _BLOCK = re.compile(r"(?m)^(?=[^\s#-])")  # start of a top-level YAML key

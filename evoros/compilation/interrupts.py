@@ -18,8 +18,7 @@ Release: TypeAlias = Callable[[Callable[[], object]], None]
 @contextmanager
 def hold_interrupts() -> Iterator[Release]:
     """Defer signal handlers until the end, except during calls through the yielded function."""
-    # numba crashes if a handler raises while Python code converts arguments or results
-    handlers: dict[int, Callable[[int, Any], object]] = {}
+    handlers: dict[int, Callable[[int, Any], object]] = {}  # numba crashes if converters raise
     due: list[int] = []
     held = True
 

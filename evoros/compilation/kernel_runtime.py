@@ -1,7 +1,6 @@
 """The functions called in kernels, in LLVM's language.
 
-Draws follow numpy's PCG64. A generator has six words: the 128-bit state and increment, lower words
-first; a flag for a remaining half word; and that half word.
+Draws follow numpy's PCG64: the 128-bit state and increment, lower words first, a flag, a half word.
 """
 
 RUNTIME = """

@@ -86,10 +86,8 @@ def compose(
 ) -> Configuration:
     """Compose the configuration that the command ``evoros`` would use for these overrides.
 
-    ``config_dir`` is a folder with your groups and experiments, as with ``--config-dir``.
-
-    Raises:
-        InputError: unknown key, group or option; malformed YAML; unresolved reference.
+    ``config_dir`` is a folder with your groups and experiments, as with ``--config-dir``. Unknown
+    keys, groups and options, malformed YAML and unresolved references raise an InputError.
     """
     return freeze(compose_with_hydra(overrides, config_dir))
 

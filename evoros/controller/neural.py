@@ -231,8 +231,7 @@ class Neural(protocol.Controller):
     gene from ``-weight_limit`` to ``weight_limit``.
     """
 
-    modes = ("avoiding", "navigating")
-    """The first mode applies while an obstacle is within ``range_m``, the second otherwise."""
+    modes = ("avoiding", "navigating")  # first mode: an obstacle is within ``range_m``
     sectors: Annotated[int, ODD] = 5
     span_deg: Annotated[float, SPAN] = 180.0  # angle between the centres of the outermost sectors
     range_m: Annotated[float, checks.POSITIVE] = 2.0

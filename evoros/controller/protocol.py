@@ -48,8 +48,7 @@ class ControllerPart:
 class Layer(ControllerPart, ABC):
     """One behaviour of a controller; the first layer that decides preempts later layers."""
 
-    mode: str
-    """The name in the column ``mode``; ``missions.csv`` has the fraction of ``avoiding``."""
+    mode: str  # name in the column ``mode``; ``missions.csv`` has the share of ``avoiding``
     rule: Callable[..., bool]
     """The function that decides; static, so that numba can compile it.
 
@@ -81,10 +80,8 @@ class Estimator(ControllerPart, ABC):
     def start_estimate(self, robot: Robot, period: float) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
-        ``period`` [s] is the control period.
-
-        Raises:
-            InputError: the robot lacks a sensor that the localization needs.
+        ``period`` [s] is the control period. Without a sensor that it needs, it raises an
+        InputError.
         """
 
 
@@ -168,9 +165,7 @@ class LiveController(AnyController):
     def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
         """Start a new process for one mission; on exit, stop it and its children.
 
-        Raises:
-            InputError: the program is missing, or refuses the briefing.
-            PilotLost: the program was not ready in time.
+        A missing or refusing program raises an InputError, a slow one a PilotLost.
         """
 
 

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from evoros.mission.batch import Batcher
 
 
-CallResult = tuple[Outcomes, Array | None]
-"""The outcomes of a mission, and its trajectory if requested."""
+CallResult = tuple[Outcomes, Array | None]  # outcomes, and trajectory if requested
 
 
 class CallAnswer(NamedTuple):

@@ -86,11 +86,8 @@ class Dispatcher:
     def run(self, scenario: Scenario, missions: Iterable[Mission]) -> Iterator[list[MissionResult]]:
         """Run the missions, and yield outcomes in any order as calls finish.
 
-        A failed call is repeated one mission at a time, so that an error can be attributed to one
-        mission.
-
-        Raises:
-            RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
+        A failed call is repeated one mission at a time, so that an error can be attributed to one.
+        A mission lost despite its retries raises a RunStopped if ``lost`` is ``STOP``.
         """
         batch = _Batch(self, scenario, pack(scenario), iter(missions))
         try:

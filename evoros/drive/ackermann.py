@@ -113,8 +113,7 @@ class AckermannDescription(DriveDescription):
     steering_limit_rad: Annotated[float, ANGLE]  # limit of each steered wheel
     max_speed_mps: Annotated[float, POSITIVE]  # speed limit at the middle of the fixed axle
     caster_links: Annotated[Sequence[str], LINKS] = ()  # sliding links without friction
-    turning_x_m: Annotated[float | None, NUMBER] = None
-    """x of the point that moves along the heading if the fixed axle slides; None: x of the axle."""
+    turning_x_m: Annotated[float | None, NUMBER] = None  # x of the turning point; None: on the axle
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:  # type: ignore[override]

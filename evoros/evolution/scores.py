@@ -144,8 +144,7 @@ DROPPED = "dropped"  # operator of a survivor that was scored again and then dro
 class Opposition:
     """The failure cases of each generation; none unless the failure model adapts.
 
-    Cases are determined by the seed and recorded scores. Trials use them in random order;
-    otherwise, designs with few trials would be tested in harder cases.
+    The seed and recorded scores determine them. Their order is random, to be fair to few trials.
     """
 
     def __init__(self, experiment: Experiment) -> None:

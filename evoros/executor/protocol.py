@@ -88,9 +88,7 @@ class Executor(ABC):
     def open(self) -> AbstractContextManager[Pool]:
         """Start the workers; leaving the context ends all calls, even if they hang.
 
-        Raises:
-            InputError: the executor's settings cannot be used.
-            RunStopped: there are no workers; the run can continue once there are.
+        Unusable settings raise an InputError, a lack of workers a RunStopped.
         """
 
 

@@ -101,8 +101,7 @@ def is_timed(trigger: Trigger) -> bool:
 
 NEVER = math.inf  # onset [s] of a fault that never occurs
 _PARTS = "sensors", "localization", "commands", "drive", "wheels"
-PARTS: Mapping[str, str] = dict(zip(SIGNALS, _PARTS, strict=True))
-"""Default names of failed parts, keyed by the affected signal."""
+PARTS: Mapping[str, str] = dict(zip(SIGNALS, _PARTS, strict=True))  # parts named by signal
 
 
 @dataclass(frozen=True)

@@ -84,9 +84,8 @@ MARGIN_M = 0.1415
 class Passage:
     """Free paths for a disc of diameter ``width`` [m] on the legs of routes, among obstacles.
 
-    ``low`` and ``high`` are opposite corners (2,) [m] of the field. ``routes`` are the points (n,
-    2) [m] between which the legs lead; a radius of ``width / 2 + 2 * MARGIN_M`` around each point
-    must be free. The grid contains every path that is half a metre wider than ``width``.
+    ``low`` and ``high`` are the field's corners (2,) [m]. A radius of ``width / 2 + 2 * MARGIN_M``
+    around each of the points (n, 2) [m] of ``routes`` must be free.
     """
 
     def __init__(self, low: Array, high: Array, routes: Sequence[Array], width: float) -> None:

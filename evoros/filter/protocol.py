@@ -109,11 +109,9 @@ def add_within(value: float, amount: float, low: float, high: float) -> float:
 class Filter(ABC):
     """Noise, delay or fault of a signal between its source and its reader."""
 
-    name: str
-    """Name in random streams and in ``failed_by``; it must not change when the class is renamed."""
+    name: str  # name in ``failed_by`` and random streams, so fixed even if the class is renamed
     effect: str = ALTERS  # effect on readings, shown in figures: ``ENDS``, ``ALTERS`` or ``GROWS``
-    rule: Callable[..., None]
-    """Static method that changes each sample; takes a subset of ``FILTER_ARGUMENTS``."""
+    rule: Callable[..., None]  # static; takes some of ``FILTER_ARGUMENTS`` to change samples
 
     @abstractmethod
     def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:

@@ -61,11 +61,10 @@ def make_solid(surface: Surface) -> Any:
 def divide(
     solid: Any, tolerance: float, few: int, most: int, work: float
 ) -> tuple[list[Piece], float, bool]:
-    """Cut a solid into pieces until their concavity [m] is within the tolerance.
+    """Cut a solid, the most concave piece first, to concavities [m] within the tolerance.
 
-    The piece with the largest concavity is cut first. The number of pieces is at most ``few`` if
-    this leaves no concavity above ``TOLERANCE_M``, otherwise at most ``most``. Also return the
-    number of faces examined, and True if all cuts would exceed ``work`` examined faces.
+    The number of pieces is at most ``few`` if this leaves no concavity above ``TOLERANCE_M``,
+    otherwise ``most``. Also return the faces examined, and True if ``work`` cut this short.
     """
     done: list[Piece] = []
     waiting = [(-piece.concavity, i, piece) for i, piece in enumerate(_split(solid))]

@@ -161,8 +161,7 @@ class Shape:
     size: tuple[float, ...]
     pose: Pose = Pose()  # body frame
     corners: tuple[Vector, ...] = ()  # [m]
-    heights: tuple[tuple[float, ...], ...] = ()
-    """Heights [m] above the origin, evenly spaced: rows from -y to +y, columns from -x to +x."""
+    heights: tuple[tuple[float, ...], ...] = ()  # [m]; rows from -y to +y, columns from -x to +x
     mesh: MeshFile | None = field(default=None, compare=False, repr=False)
     """The mesh that this shape approximates in part; None if exact or without a mesh."""
 

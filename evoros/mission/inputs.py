@@ -159,8 +159,7 @@ OBSERVE, SENSE, ADVANCE = range(3)  # indices of an engine's call addresses in t
 TIME, ANSWER = range(2)  # indices in the memory of a layer written in Python
 
 CALLBACK = CFUNCTYPE(None)
-Expose: TypeAlias = Callable[[Callable[[], object]], float]
-"""Converts a Python function to a C function and returns its address."""
+Expose: TypeAlias = Callable[[Callable[[], object]], float]  # address of a function in C
 
 
 def observe(parameters: Array, memory: Array, state: Array) -> None:

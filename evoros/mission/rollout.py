@@ -44,10 +44,8 @@ def delay_faults(faults: Sequence[Fault], time: float) -> tuple[Fault, ...]:
 def open_mission(scenario: Scenario, mission: Mission) -> Iterator["OpenMission"]:
     """Draw the random values of a mission, and start its engine and parts; stop them on exit.
 
-    Raises:
-        InputError: a part refuses to start, or the design does not fit (RefusedDesign).
-        PilotLost: an external controller ended or did not answer.
-        SimulationError: the engine cannot simulate these robots or this world.
+    A part that refuses to start raises an InputError (RefusedDesign if the design does not fit), a
+    lost controller a PilotLost, an engine that cannot simulate this a SimulationError.
     """
     try:
         members = scenario.equip(mission.design)
@@ -184,14 +182,10 @@ class OpenMission:
 
 
 def run_mission(scenario: Scenario, mission: Mission, run: Run = run_call) -> Rollout:
-    """Run a mission.
+    """Run a mission, whose outcome may be a failed simulation or a rejected design.
 
-    A failed simulation has an outcome, because a retry would fail again; so has a design that a
-    part rejects.
-
-    Raises:
-        InputError: a part refuses to start for a reason other than an evolved value.
-        PilotLost: an external controller ended or did not answer.
+    A part that refuses to start for another reason raises an InputError, a lost controller a
+    PilotLost.
     """
     try:
         with open_mission(scenario, mission) as opened:

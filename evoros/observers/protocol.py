@@ -13,8 +13,7 @@ from evoros.base.checks import mapping_of
 
 FREE = ("executor", "observers", "controls", "stop_after")
 """Configuration keys that do not affect results, only the number of rows (except the first)."""
-Value: TypeAlias = str | int | float | bool | None
-"""A configuration value; lists are strings, and references to the environment are unresolved."""
+Value: TypeAlias = str | int | float | bool | None  # lists are strings; references unresolved
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,7 @@ class GeneticAlgorithm(BundledOptimizer):
     mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
-    # width of the interval for redrawing a mutated gene, relative to the range of the gene
-    mutation_step: Annotated[float, FRACTION] = 1.0
+    mutation_step: Annotated[float, FRACTION] = 1.0  # interval of redraws, relative to ranges
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

@@ -155,8 +155,7 @@ class CoveringSpace(Space, Protocol):
     def view(self, genome: Array, distance_m: float) -> tuple[list[View], View]:
         """Return a ``View`` per genome and slot, mounted or not, and one of the fixed sensors.
 
-        Raises:
-            InputError: several robots have separate designs.
+        Several robots with separate designs raise an InputError.
         """
 
 
@@ -164,17 +163,14 @@ class Optimizer(ABC):
     """Searches the unit cube of a design space."""
 
     generations: int  # number of generations of a run, including the first
-    validation_trials: int
-    """The number of fresh trials per generation for its best design; 0 for none."""
+    validation_trials: int  # fresh trials for each generation's best design; 0: none
     packages: Sequence[str] = ()  # packages of the search; a run records their versions
 
     @abstractmethod
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
         """Start a search determined by ``rng``, because resuming a run replays the search.
 
-        Raises:
-            InputError: the optimizer does not support this space or these goals, or a package that
-                it needs is not installed.
+        Unsupported spaces or goals, and packages that are not installed, raise an InputError.
         """
 
 

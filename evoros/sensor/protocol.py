@@ -85,8 +85,7 @@ class Sensor(ABC):
 
     period_s: float  # time [s] between readings
     measures: str  # measured quantity: ``range`` for a ``RangeSensor``, otherwise a signal
-    filters: Mapping[str, Filter] = MappingProxyType({})
-    """Filters by name, in the order of application to the readings, noise first."""
+    filters: Mapping[str, Filter] = MappingProxyType({})  # by name; applied in order, noise first
     size_m: Sequence[float]  # side lengths (3,) [m] of a centred box that never collides
     mass_kg: float  # mass [kg] of the body, positive because simulators drop massless bodies
     price: float = 0.0  # price, at least 0, in any unit
@@ -132,8 +131,7 @@ class RangeSensor(Sensor):
 class SignalSensor(Sensor):
     """A sensor type that computes its readings from a signal instead of ranges."""
 
-    rule: Callable[..., None]
-    """Static method that fills one value per channel from some of ``SENSOR_ARGUMENTS``."""
+    rule: Callable[..., None]  # static; takes some of ``SENSOR_ARGUMENTS``, fills ``values``
 
     @abstractmethod
     def start(self) -> Started:

@@ -45,8 +45,7 @@ class Planned:
     reason: str = ""  # reason for suggesting this course; empty if the user chose it
 
 
-Floor: TypeAlias = tuple[tuple[str, bool, Vector], ...]
-"""The name of each body, whether it is ground, and its position [m]."""
+Floor: TypeAlias = tuple[tuple[str, bool, Vector], ...]  # names, ground or not, positions [m]
 
 
 @dataclass(frozen=True)

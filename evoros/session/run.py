@@ -63,9 +63,7 @@ class Session:
     ) -> None:
         """Complete the run; ``draw`` draws the figures.
 
-        Raises:
-            InputError: the recorded missions belong to a different run.
-            RunStopped: a mission was lost; the run can be resumed.
+        Missions of a different run raise an InputError, a lost mission a RunStopped (resumable).
         """
         task, folder, experiment = self.task, self.task.folder, self.task.experiment
         outdated, status = self._is_outdated(), Status(folder, display, task.describe)

@@ -110,8 +110,7 @@ class WorstCaseRun:
         return rows
 
 
-Missing = dict[MissionKey, tuple[Mission, Outcomes]]
-"""Missions without a stored trajectory, with their recorded outcomes."""
+Missing = dict[MissionKey, tuple[Mission, Outcomes]]  # missions without stored trajectory
 
 
 def keep_worst(

@@ -9,22 +9,20 @@ from typing import Annotated, Any
 
 from evoros.base.checks import LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
 from evoros.base.errors import InputError
-from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines.mujoco_model import Models, Settings, count_movable
 from evoros.simulator.engines.mujoco_simulation import MujocoSimulation
-from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
-from evoros.simulator.protocol import PlacedRobot, Simulator
+from evoros.simulator.engines.teams import TeamSimulator, check_number
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025  # maximum step [s] for motion within 1 % of the kinematics (docs/fidelity.md)
 
-MOST_MOVABLE = 5000
-"""Maximum number of movable bodies; MuJoCo compiles 5,000 in 5 s per design, 20,000 in 112 s."""
+MOST_MOVABLE = 5000  # maximum number; 5,000 compile in 5 s per design, 20,000 in 112 s
 
 
 @dataclass(frozen=True)
 @checked
-class Mujoco(Simulator):
+class Mujoco(TeamSimulator):
     """The MuJoCo simulator; manoeuvres are within 0.2 % of manoeuvres with a step of 2.5 ms."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
@@ -33,10 +31,6 @@ class Mujoco(Simulator):
     slip_impedance: Annotated[float, number_between(0.5, 0.9)] = 0.8
     """Impedance of the ground under wheels that slip in turns; reduce it if they hop."""
     packages = ("mujoco-core",)
-    measures = (RANGE, *SIGNAL_SIZES)
-    max_robots = MAX_ROBOTS
-    has_walkers = True
-    weakens_wheels = True
 
     def __post_init__(self) -> None:
         if find_spec("mujoco") is None:

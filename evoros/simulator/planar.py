@@ -24,14 +24,14 @@ from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import DIRECTION, Robot
-from evoros.sensor.protocol import CONTACT, RANGE, SIGNAL_SIZES
+from evoros.sensor.protocol import CONTACT, RANGE
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines import planar_rules
 from evoros.simulator.engines.planar_bodies import can_push, find_movables, place_bodies
 from evoros.simulator.engines.planar_rules import place_crowd
 from evoros.simulator.engines.planar_sensing import sense, sense_signals
 from evoros.simulator.engines.rays import lay_out_steered_sight, sensor_beams
-from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
+from evoros.simulator.engines.teams import TeamSimulator, check_number
 from evoros.simulator.protocol import PlacedRobot, RuleSimulation, RuleSimulator, SimulationRules
 from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import obstacle_arrays, sight_rows, world_arrays
@@ -161,17 +161,13 @@ MAX_STEP_S = 0.1  # maximum [s]; contacts are tested after each step, so longer 
 
 @dataclass(frozen=True)
 @checked
-class Planar(RuleSimulator):
+class Planar(TeamSimulator, RuleSimulator):
     """The planar simulator: wheels without slip, servos with lag, obstacles that stop the robot."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.02  # [s]
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
     drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the drive's speed
     packages = ("numba",)
-    measures = (RANGE, *SIGNAL_SIZES)
-    max_robots = MAX_ROBOTS
-    has_walkers = True
-    weakens_wheels = True
 
     def choose_rules(self, world: World, robots: Sequence[Robot]) -> SimulationRules:
         """Return the rules; pushing, walkers and sensors without rays compile more slowly."""

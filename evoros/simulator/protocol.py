@@ -54,10 +54,8 @@ class Simulator(ABC):
     """Opens simulations; imports the library of its engine only for the first."""
 
     time_step: float  # [s]; sensor and controller periods must be multiples of this step
-    packages: Sequence[str]
-    """Pip packages whose versions can change results; the manifest has their versions."""
-    versions: Mapping[str, str] = MappingProxyType({})
-    """Versions of libraries unknown to pip, by name, for the manifest."""
+    packages: Sequence[str]  # pip packages that can change results, for the manifest
+    versions: Mapping[str, str] = MappingProxyType({})  # other libraries', for the manifest
     measures: Collection[str] = (RANGE,)  # quantities to measure; see ``evoros.sensor.protocol``
     max_robots: int = 1  # maximum number of robots, which can detect and touch each other
     has_walkers: bool = False
@@ -66,8 +64,7 @@ class Simulator(ABC):
     The walkers are the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for each walker
     after the states of the robots.
     """
-    weakens_wheels: bool = False
-    """True if wheels can weaken (see ``find_targets``); else missions reject wheel failures."""
+    weakens_wheels: bool = False  # True if wheels can fail in it; see ``find_targets``
 
     @abstractmethod
     def open(
@@ -140,8 +137,6 @@ class RuleSimulator(Simulator):
     def choose_rules(self, world: "World", robots: Sequence["Robot"]) -> SimulationRules:
         """Return the rules that simulate robots in a world.
 
-        The choice depends on the world and, of the robots, only on what their sensors measure.
-
-        Raises:
-            InputError: the simulator cannot simulate this number of robots.
+        The choice depends on the world and, of the robots, only on what their sensors measure. Too
+        many robots raise an InputError.
         """

@@ -19,12 +19,11 @@ from typing import Annotated
 
 from evoros.base.checks import COUNT, LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
 from evoros.drive.protocol import Drive
-from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines import pybullet_model
 from evoros.simulator.engines.idle import IdleEngines
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
-from evoros.simulator.engines.teams import MAX_ROBOTS, check_number, doubt_skidding
-from evoros.simulator.protocol import PlacedRobot, Simulator
+from evoros.simulator.engines.teams import TeamSimulator, check_number, doubt_skidding
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025  # maximum step [s] for motion within 1 % of the finest (docs/simulation.md)
@@ -34,7 +33,7 @@ IDLE: IdleEngines[pybullet_model.Engine] = IdleEngines()
 
 @dataclass(frozen=True)
 @checked
-class PyBullet(Simulator):
+class PyBullet(TeamSimulator):
     """The PyBullet simulator; manoeuvres are within 2 % of manoeuvres with much finer steps."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.025  # [s]
@@ -42,10 +41,6 @@ class PyBullet(Simulator):
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # factor of the ground's friction coefficient
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
     packages = ("pybullet",)
-    measures = (RANGE, *SIGNAL_SIZES)
-    max_robots = MAX_ROBOTS
-    has_walkers = True
-    weakens_wheels = True
 
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:

@@ -134,8 +134,7 @@ class FigureContext:
 
     robot: str
     parts: tuple[Part, ...]
-    places: Mapping[str, tuple[float, float, float, float]]
-    """Links that can carry sensors, by name: x, y, z [m] and yaw [rad] in the robot frame."""
+    places: Mapping[str, tuple[float, float, float, float]]  # links' x, y, z [m] and yaw [rad]
     beams: Mapping[str, Beam]  # keyed by sensor type
     regions: Mapping[str, Area]
     mirrored: bool
@@ -152,8 +151,7 @@ class FigureContext:
     """Names of objectives and descriptors, by column in the tables of generations."""
     genes: Mapping[str, str] = field(default_factory=dict)
     """Key of the evolved value of each gene, except genes of sensors."""
-    agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
-    """Descriptions of the other robots, by name."""
+    agents: Mapping[str, "FigureContext"] = field(default_factory=dict)  # other robots by name
 
     @property
     def text(self) -> str:

@@ -1,8 +1,4 @@
-"""The folder of a run, created atomically and written by a single process.
-
-Outcomes are used only after their missions are on disk, so a killed run resumes with the next
-mission.
-"""
+"""A run's folder, written by one process; outcomes count once their missions are on disk."""
 
 import errno
 import os

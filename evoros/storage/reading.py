@@ -137,10 +137,8 @@ class Run:
 def load_run(folder: str | Path) -> Run:
     """Return the run or evaluation in a folder or archive, finished or not.
 
-    The run's code is not executed. ``study.zip/NAME`` names one of several runs in an archive.
-
-    Raises:
-        InputError: the folder has no run, or one of its files is damaged.
+    The run's code is not executed. ``study.zip/NAME`` names one of several runs in an archive. A
+    missing or damaged run raises an InputError.
     """
     path = open_run(folder)
     missing = sorted(name for name in FILES if not (path / name).is_file())

@@ -19,8 +19,7 @@ if TYPE_CHECKING:  # reading a table must not import the code of missions
     from evoros.mission.scenario import Scenario
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
-GIVEN_COLUMNS = ("source", "design", "world", "trial", "draws")
-"""First columns of ``missions.csv`` of a search and of an evaluation."""
+GIVEN_COLUMNS = ("source", "design", "world", "trial", "draws")  # missions.csv begins with these
 CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two exist only with a confirmation
@@ -28,8 +27,7 @@ AGENT = "agent"  # column with the name of an agent
 WHOLE_COLUMNS = ("mode", "visited", "contact", "touched_by")  # integer columns of trajectories
 
 _TYPES = get_type_hints(Outcome)
-PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
-"""Additional columns if parts other than sensors can fail."""
+PART_COLUMNS = ("failed_parts", "parts_failed_at_s", "parts_failed_by")  # if other parts can fail
 TOUCHED = "touched_walkers"  # additional column if missions can have walkers
 SHORTEST = "shortest_m"  # additional column if a world states the length of its shortest path
 FURTHER_COLUMNS = (*PART_COLUMNS, TOUCHED, SHORTEST)

@@ -8,8 +8,7 @@ from evoros.allocation.protocol import Allocation
 from evoros.evolution.contest import Contest
 from evoros.testing.part import PartSuite
 
-Draw = Callable[[int, int], float]
-"""Returns the score of a trial, given a design and the number of the trial."""
+Draw = Callable[[int, int], float]  # returns the score of a design in a trial
 
 SIZES = (1, 0, 1), (12, 0, 1), (5, 3, 2), (1, 12, 3), (12, 12, 1), (3, 1, 2)
 """Numbers of new designs, survivors and trials in each contest."""

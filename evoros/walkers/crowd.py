@@ -75,8 +75,7 @@ class Walkers:
     phase: Annotated[str, checks.one_of(RANDOM, EVEN)] = RANDOM  # initial position along the route
     avoids_robots: Annotated[bool, checks.FLAG] = True  # True: robots repel the walkers
     stops_for_robots: Annotated[bool, checks.FLAG] = False
-    # gap at which a walker stops for a robot
-    stop_distance_m: Annotated[float, checks.POSITIVE] = 1.0
+    stop_distance_m: Annotated[float, checks.POSITIVE] = 1.0  # gap to a robot at a stop
     patience_s: Annotated[float, checks.NOT_NEGATIVE] = 10.0  # maximum wait for a robot
     force: Annotated[SocialForce, checks.instance_of(SocialForce, "forces (SocialForce)")] = field(
         default_factory=SocialForce

@@ -184,8 +184,7 @@ def _draw_group(
         yield placed[-1]
 
 
-_Start = tuple[Array, int, tuple[float, float]]
-"""corners of a route, index of the first goal, and position [m] of the walker"""
+_Start = tuple[Array, int, tuple[float, float]]  # corners, index of first goal, position [m]
 
 
 def _propose(

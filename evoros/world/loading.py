@@ -1,7 +1,4 @@
-"""Loads a world from an SDF file, and removes overlaps of its bodies with ground and each other.
-
-Otherwise, engines would push the bodies apart at any speed, and simulators would differ.
-"""
+"""Loads worlds from SDF files, and removes overlaps, which engines undo at different speeds."""
 
 import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -29,8 +26,7 @@ from evoros.world.model import World
 
 _LOG = logging.getLogger(__name__)
 
-_Pairs = dict[tuple[int, int], float]
-"""Depth [m] of each overlap, keyed by a movable body and the body it overlaps."""
+_Pairs = dict[tuple[int, int], float]  # overlaps [m] of a movable body and another
 
 
 def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:

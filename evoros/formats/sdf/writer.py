@@ -56,7 +56,7 @@ _SOLID = """        <collision name="collision{place}">
         <visual name="visual{place}">
 {pose}          <geometry>{geometry}</geometry>
         </visual>"""
-_GEOMETRY = {
+GEOMETRY = {
     "box": "<box><size>{} {} {}</size></box>",
     "cylinder": "<cylinder><radius>{}</radius><length>{}</length></cylinder>",
     "sphere": "<sphere><radius>{}</radius></sphere>",
@@ -138,7 +138,7 @@ def _format_model(body: Body, files: dict[int, str]) -> str:
 
 def _format_solid(place: int, shape: Shape, friction: float, files: dict[int, str]) -> str:
     sizes = map(_format_rounded, shape.size)
-    geometry = files.get(id(shape)) or _GEOMETRY[shape.kind].format(*sizes)
+    geometry = files.get(id(shape)) or GEOMETRY[shape.kind].format(*sizes)
     pose = "" if shape.pose == Pose() else f"          <pose>{_format_pose(shape.pose)}</pose>\n"
     return _SOLID.format(place=place, pose=pose, geometry=geometry, mu=_format_exact(friction))
 

@@ -25,8 +25,7 @@ from evoros.formats.urdf.xacro_packages import IGNORED
 _LOG = logging.getLogger(__name__)
 _XACRO = re.compile(xacro_child.NAMESPACE)
 _PLACEHOLDER = re.compile(r"\$\{(\w+)\}")
-_LEGACY = ("property[@name]", "macro[@name]", "include[@filename]")
-"""Elements of xacro before 2014, which required no namespace declaration."""
+_LEGACY = ("property[@name]", "macro[@name]", "include[@filename]")  # xacro without a namespace
 _WITHOUT_LINKS = ("material", "gazebo", "transmission")
 _PREFIX = re.compile(r"(robot_?)?(namespace|ns|prefix)|tf_prefix")
 
@@ -145,8 +144,7 @@ def list_named_files(root: Element) -> Iterator[Element]:
 def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIndex) -> None:
     """Collect the missing meshes of collision elements.
 
-    If any mesh or package is missing, visual meshes of links without collisions are collected as
-    well, because wheels and the body require them.
+    If any is missing, visual ones of links without collisions follow, as wheels and body need them.
     """
     links, turning = root.findall("link"), find_turning(root)
     bare = [link for link in links if link.find("collision") is None]

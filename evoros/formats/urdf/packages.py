@@ -20,8 +20,7 @@ _LEVELS_UP = 3  # number of folders searched above the file's package; more in a
 _LEVELS_DOWN = 4  # number of folder levels searched below each folder
 _MAX_FOLDERS = 5_000  # maximum number of folders searched
 _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
-_MANIFESTS = ("package.xml", "manifest.xml")
-"""Manifest files of a package; the older, from before 2012, does not state the package name."""
+_MANIFESTS = ("package.xml", "manifest.xml")  # the older, until 2012, lacks names
 _IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
 _SPACES = ("src", "install", "devel")  # folders of packages in a workspace
 _INDEX = "ament_index/resource_index/packages"  # folder in ``share``: a file per package

@@ -34,8 +34,7 @@ class Layout:
     def around(cls, folders: Iterable[Path], home: Path | None) -> "Layout":
         """Assign archive paths so that relative paths between the folders remain valid.
 
-        Folders whose only common parent is above the user's ``home`` become neighbours, because
-        paths from that parent contain the user's name.
+        Folders with a common parent above ``home`` become neighbours, to leave out the user's name.
         """
         given = dict.fromkeys(folders)
         tops = [one for one in given if not any(other in one.parents for other in given)]

@@ -24,8 +24,7 @@ PARAMETERS = "controller.parameters"  # key of the parameters passed to an exter
 MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_limit_rad"
 """Keys of the drive that may evolve."""
 RANGE_TOPIC = "controller.topics.range"  # key of a sensor's topic, which contains {sensor}
-_LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
-"""Prefixes of the avoidance layer's keys; other keys start ArduPilot, or are secret."""
+_LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")  # keys of the avoidance layer
 _SCALARS = (bool, int, float, str)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from evoros.base.arrays import Array
 from evoros.base.errors import SimulationError
 from evoros.drive.protocol import lag_gain, skids
+from evoros.formats.sdf.writer import GEOMETRY
 from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf.elements import merge_fixed_links
 from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_value
@@ -31,15 +32,8 @@ from evoros.world.model import KEPT_WORLDS, World
 from evoros.world.standing import GAP_M
 
 GROUND, OBSTACLE, SOLID, ROLLING, WALKER = "ground", "obstacle", "solid", "rolling", "walker"
-"""Collision groups: solid shapes meet obstacles, walkers and ground; rolling ones only the ground.
-"""
+"""Groups: solid shapes meet obstacles, walkers and the ground, rolling ones only the ground."""
 
-_GEOMETRY = {
-    "box": "<box><size>{} {} {}</size></box>",
-    "cylinder": "<cylinder><radius>{}</radius><length>{}</length></cylinder>",
-    "sphere": "<sphere><radius>{}</radius></sphere>",
-    "plane": "<plane><normal>{} {} {}</normal><size>100 100</size></plane>",
-}
 _COLLISION = (
     '<collision name="{name}">{pose}<geometry>{geometry}</geometry><surface><friction><ode>'
     "<mu>{mu}</mu><mu2>{mu}</mu2></ode></friction></surface></collision>"
@@ -77,9 +71,9 @@ def format_link(
         parts.append(_INERTIAL.format(*moments, mass=mass, pose=format_pose(inertial.pose)))
     for index, solid in enumerate(solids):
         name = f"{solid.group}{index}"
-        if solid.shape.kind in _GEOMETRY:
+        if solid.shape.kind in GEOMETRY:
             sizes = format_numbers(solid.shape.size).split()
-            geometry = _GEOMETRY[solid.shape.kind].format(*sizes)
+            geometry = GEOMETRY[solid.shape.kind].format(*sizes)
             place, friction = format_pose(solid.pose), format_numbers([solid.friction])
             parts.append(_COLLISION.format(name=name, pose=place, geometry=geometry, mu=friction))
         else:

@@ -20,7 +20,6 @@ from evoros.geometry.shapes import Pose, normalize
 from evoros.plugins.gazebo.gazebo_world import hold_standing
 from evoros.plugins.gazebo.server import Engine, Operation, Scene, compile_server, find_library
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines import teams
 from evoros.simulator.engines.idle import IdleEngines
 from evoros.simulator.engines.mujoco_model import Model, Models, Settings, count_movable
@@ -28,7 +27,7 @@ from evoros.simulator.engines.mujoco_rays import MujocoSight
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals, fill_state
 from evoros.simulator.engines.walking import EngineWalkers
 from evoros.simulator.mujoco import import_mujoco
-from evoros.simulator.protocol import PlacedRobot, Simulator
+from evoros.simulator.protocol import PlacedRobot
 from evoros.walkers.crowd import has_touched
 from evoros.world.model import World
 
@@ -224,15 +223,14 @@ MAX_STEP_S = 0.025  # maximum step [s] for motion within 1 % of the kinematics (
 
 MOST_MOVABLE = 500  # maximum number of movable bodies; each takes DART 25 us per step
 
-_RAYS = Settings(time_step=0.01, wheel_friction=1.0, steering_lag_s=0.0)
-"""Settings of the ray-casting model, in which nothing moves on its own."""
+_RAYS = Settings(time_step=0.01, wheel_friction=1.0, steering_lag_s=0.0)  # nothing moves on its own
 
 IDLE: IdleEngines[Engine] = IdleEngines()
 
 
 @dataclass(frozen=True)
 @checked
-class Gazebo(Simulator):
+class Gazebo(teams.TeamSimulator):
     """The simulator that uses Gazebo's physics."""
 
     time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.005  # [s]
@@ -244,10 +242,6 @@ class Gazebo(Simulator):
     )
     """Versions of the system libraries on this machine, which workers elsewhere must match."""
     packages = ("mujoco-core",)
-    measures = (RANGE, *SIGNAL_SIZES)
-    max_robots = teams.MAX_ROBOTS
-    has_walkers = True
-    weakens_wheels = True
 
     def _require_versions(self) -> None:
         try:

@@ -60,13 +60,11 @@ class RecordedMission:
     root_pose: Pose  # pose of the root link in the frame whose poses the trajectory records
     sensors: Sequence[readings.RecordedSensor]
     name: str = ""  # WORLD, or GENERATION_DESIGN_WORLD_TRIAL
-    route: Array = field(default_factory=lambda: np.empty((0, 2)))
-    """Waypoints (legs, 2) [m] in driving order."""
+    route: Array = field(default_factory=lambda: np.empty((0, 2)))  # (legs, 2) [m], as driven
     faults: Sequence[ShownFault] = ()
     part_failures: Sequence[tuple[str, float, str]] = ()  # part, onset [s] and effect
     near_m: float | None = None  # range of highlighted readings; None: half the maximum
-    others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
-    """The same mission centred on each other robot, by name."""
+    others: Mapping[str, "RecordedMission"] = field(default_factory=dict)  # by name, centred on it
     walkers: Sequence[readings.WalkerTrack] = ()
 
 

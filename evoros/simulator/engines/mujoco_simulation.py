@@ -55,8 +55,7 @@ class MujocoSignals(RigidSignals):
 
 
 HARMLESS = "Linesearch"  # warnings of truncated solver steps, which the next step corrects
-_PLACE = re.compile(r" at DOF (\d+)")
-"""Matches the degree of freedom named in a warning."""
+_PLACE = re.compile(r" at DOF (\d+)")  # degree of freedom named in a warning
 
 GROUND, OBSTACLE, WALKER = -1, -2, -3  # owners of shapes; walkers are numbered -3, -4, and so on
 

@@ -93,8 +93,7 @@ BODY_X, BODY_Y, BODY_COS, BODY_SIN = range(4)
 """Columns of a body's pose: centre of mass [m]; cosine and sine of the rotation since the start."""
 POSE_SIZE = 4
 
-PlanarPose: TypeAlias = tuple[float, float, float, float]
-"""x, y [m]; cosine and sine of the heading."""
+PlanarPose: TypeAlias = tuple[float, float, float, float]  # x, y [m]; heading's cosine, sine
 
 MAX_FRICTION = 1.0  # friction coefficient of PyBullet's chassis
 

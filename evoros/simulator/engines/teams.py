@@ -12,12 +12,22 @@ from evoros.base.errors import SimulationError
 from evoros.drive.protocol import Drive, skids
 from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
-from evoros.simulator.protocol import PlacedRobot
+from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
+from evoros.simulator.protocol import PlacedRobot, Simulator
 from evoros.world.floors import ground_height
 from evoros.world.model import World
 
 Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
 MAX_ROBOTS = 16  # one robot per bit in an engine's collision masks
+
+
+class TeamSimulator(Simulator):
+    """A simulator of several robots with all kinds of sensors, walkers and failing wheels."""
+
+    measures = (RANGE, *SIGNAL_SIZES)
+    max_robots = MAX_ROBOTS
+    has_walkers = True
+    weakens_wheels = True
 
 
 class Share(NamedTuple):

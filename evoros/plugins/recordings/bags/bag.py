@@ -91,8 +91,7 @@ FORMATS = {"mcap": "rosbag2, also for Foxglove", "ros1": "for rosbag play"}
 OUTPUT = "bags"
 DISTRO = "jazzy"
 LAYOUT = "bag.foxglove.json"
-GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}
-"""Topic on which rviz and navigation stacks expect the next waypoint, by bag format."""
+GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}  # topics of next waypoints
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
