@@ -85,7 +85,7 @@ class Sensor(ABC):
 
     period_s: float  # time [s] between readings
     measures: str  # measured quantity: ``range`` for a ``RangeSensor``, otherwise a signal
-    filters: Mapping[str, Filter] = MappingProxyType({})  # by name; applied in order, noise first
+    filters: Mapping[str, Filter] = MappingProxyType({})  # keyed by name; in order, noise first
     size_m: Sequence[float]  # side lengths (3,) [m] of a centred box that never collides
     mass_kg: float  # mass [kg] of the body, positive because simulators drop massless bodies
     price: float = 0.0  # price, at least 0, in any unit

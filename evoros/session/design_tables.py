@@ -54,7 +54,7 @@ class DesignDraft:
         return Design(tuple(mount for _, mount in sorted(self.mounts.items())), self.values)
 
 
-Drafts = dict[DesignName, dict[str, DesignDraft]]  # by design, then robot as in ``Design.parts``
+Drafts = dict[DesignName, dict[str, DesignDraft]]  # keyed by design, robot as in ``Design.parts``
 
 
 def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDesign]:

@@ -64,7 +64,7 @@ class RecordedMission:
     faults: Sequence[ShownFault] = ()
     part_failures: Sequence[tuple[str, float, str]] = ()  # part, onset [s] and effect
     near_m: float | None = None  # range of highlighted readings; None: half the maximum
-    others: Mapping[str, "RecordedMission"] = field(default_factory=dict)  # by name, centred on it
+    others: Mapping[str, "RecordedMission"] = field(default_factory=dict)  # same mission, by name
     walkers: Sequence[readings.WalkerTrack] = ()
 
 

@@ -83,7 +83,7 @@ UNTOUCHED, PUSHED, BLOCKED = range(3)
 SWEEPS = 40  # maximum number of passes over all contacts; any overlap then left blocks the robot
 TOLERANCE_M = 1e-5  # tolerated overlap
 
-Contact: TypeAlias = tuple[float, float, float, float, float, float]  # from ``polygon_contact``
+Contact: TypeAlias = tuple[float, float, float, float, float, float]  # a ``polygon_contact``
 
 
 class Pusher(NamedTuple):
