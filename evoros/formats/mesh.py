@@ -23,7 +23,7 @@ from evoros.geometry.polyhedron import placed_corners
 from evoros.geometry.shapes import MeshFile, Shape, Vector, is_flat
 
 TOLD_M = 0.01  # minimum deviation [m] to report
-WORK = 3e6  # maximum work per mesh (see ``divide_mesh``), about 15 s on one core
+WORK = 3e6  # maximum work per mesh (see ``divide_mesh``), about 5 s on one core
 _VERSION = 4  # version, increased with every change of the algorithm
 Corners = tuple[Vector, ...]
 T = TypeVar("T")

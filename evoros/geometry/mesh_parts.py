@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from manifold3d import CrossSection, FillRule, JoinType
+from manifold3d import CrossSection, FillRule, JoinType, Manifold
 
 from evoros.base.arrays import Array
 from evoros.geometry.convex_parts import TOLERANCE_M, divide, make_solid
@@ -36,7 +36,11 @@ def compare_sections(
     surface: Surface, parts: Iterable[Array], heights: Sequence[float]
 ) -> Sections:
     """Compare a surface with convex parts, each given by its corners (k, 3) [m]."""
-    surfaces = [(part, make_solid(part)) for part in list_surfaces(surface)]
+    surfaces = [
+        (part, _fill(part))
+        for part in list_surfaces(surface)
+        if part.points[:, 2].min() < max(heights) and part.points[:, 2].max() > min(heights)
+    ]
     polyhedra = [convex_polyhedron(tuple(map(tuple, corners.tolist()))) for corners in parts]
     false = missed = 0.0
     for height in heights:
@@ -53,6 +57,22 @@ def compare_sections(
         lost = _unite([*solids, _draw(lines, THICKNESS_M / 2)]) - _grow(taken)
         false, missed = max(false, outside.area()), max(missed, lost.area())
     return Sections(false, missed, CrossSection.hull_points(surface.points[:, :2]).area())
+
+
+def _fill(surface: Surface) -> Any:
+    """Return the solid inside a surface, even if its bottom is open; None if it encloses none."""
+    solid = make_solid(surface)
+    hull = make_hull(surface.points) if solid is None else None
+    if hull is not None and _fills_hull(surface, None, hull):
+        return Manifold.hull_points(surface.points)
+    return solid
+
+
+def _fills_hull(surface: Surface, solid: Any, hull: Hull) -> bool:
+    extent = float(np.ptp(hull.corners, axis=0).max())
+    is_full = solid is None or solid.volume() > _FULL * hull.volume
+    fits = min(max(0.002, 0.01 * extent), 0.02)
+    return is_full and not surface.is_hollow and is_hull(surface, hull, fits)
 
 
 def _unite(areas: list[Any]) -> Any:
@@ -175,12 +195,10 @@ class _Divider:
         if hull is None:
             return [], 0.0
         extent = float(np.ptp(hull.corners, axis=0).max())
-        fits = min(max(0.002, 0.01 * extent), 0.02)
         if len(group) > 1:
             return [hull], 0.0
         solid = make_solid(surface)
-        is_full = solid is None or solid.volume() > _FULL * hull.volume
-        if is_full and not surface.is_hollow and is_hull(surface, hull, fits):
+        if _fills_hull(surface, solid, hull):
             return [hull], 0.0
         hulls: list[Hull] = []
         error, tolerance = extent, min(max(0.01, 0.03 * extent), 0.1)

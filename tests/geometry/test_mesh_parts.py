@@ -15,7 +15,7 @@ from evoros.base.arrays import Array
 from evoros.geometry import mesh_parts
 from evoros.geometry.convex_parts import TOLERANCE_M
 from evoros.geometry.hull import MOST_CORNERS
-from evoros.geometry.mesh_parts import Parts, divide_mesh
+from evoros.geometry.mesh_parts import Parts, compare_sections, divide_mesh
 from evoros.geometry.shapes import Pose
 from evoros.geometry.triangles import Surface, find_normals, join_near, weld
 
@@ -233,3 +233,18 @@ def test_the_parts_are_the_same_each_time_and_mirrored_if_the_mesh_is() -> None:
     mirrored = divide_mesh(mesh[:, ::-1] * [-1.0, 1.0, 1.0])
     assert volume(mirrored) == pytest.approx(volume(first), rel=1e-6)
     assert len(mirrored.hulls) == len(first.hulls)
+
+
+@pytest.mark.parametrize(("level", "false"), [(0.0, 0.0), (0.5, 2.0)])
+def test_only_the_inside_of_a_box_that_is_open_above_is_false_area(
+    level: float, false: float
+) -> None:
+    """Nothing gets into a terrace that is drawn without its underside; a tub is open."""
+    box = trimesh.creation.box(
+        (2.0, 1.0, 0.5), trimesh.transformations.translation_matrix((0, 0, 0.25))
+    )
+    triangles = np.asarray(box.triangles)
+    surface = weld(triangles[(triangles[:, :, 2] != level).any(axis=1)])
+    sections = compare_sections(surface, [surface.points], [0.1, 0.3])
+    assert sections.false == pytest.approx(false, rel=0.1)
+    assert sections.missed == pytest.approx(0.0, abs=1e-6)

@@ -14,7 +14,7 @@ from world_cases import square
 
 from evoros.base.arrays import Array
 from evoros.formats import mesh
-from evoros.formats.mesh import WORK
+from evoros.formats.sdf.geometry import _MOST_WORK
 from evoros.geometry.footprint import distances, project_bodies
 from evoros.geometry.mesh_parts import divide_mesh
 from evoros.mission.mission import COMPLETED
@@ -169,7 +169,7 @@ def test_meshes_at_robot_height_come_before_meshes_above_it(tmp_path: Path) -> N
     )
     file = tmp_path / "w.sdf"
     file.write_text(f"<sdf version='1.6'><world name='w'>{bodies}</world></sdf>")
-    effort = divide_mesh(triangles).work / WORK  # a quarter of the work may be spent on one mesh
+    effort = divide_mesh(triangles).work / _MOST_WORK
     announced: list[str] = []
     with listen(announced.append):
         load_world(str(file), square(waypoints=[[0.5, 0.0]]), mesh_effort=1.1 * effort)
@@ -186,7 +186,7 @@ def test_houses_next_to_the_course_come_first_whatever_the_order_in_the_file(
     tmp_path: Path, step: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     triangles, _ = draw(PLANS["a U"], roof=True, sheets=False)
-    places = {f"house{i}": 2.0 + 2.0 * i for i in range(12)} | {"remote": 60.0}
+    places = {f"house{i}": 2.0 + 1.3 * i for i in range(20)} | {"remote": 60.0}
     for i, name in enumerate(places):  # files that differ
         corners = triangles.reshape(-1, 3) * (1.0 - 0.001 * i)
         faces = np.arange(len(corners)).reshape(-1, 3)
@@ -204,9 +204,9 @@ def test_houses_next_to_the_course_come_first_whatever_the_order_in_the_file(
     assert min(whole[:-1]) > 1
     assert whole[-1] == 1
     assert "remote.stl: the mesh is divided coarsely, because it is more than 30 m" in caplog.text
-    # A house may take a quarter of the work, which is ten times what it needs.
-    limited = count_parts(2.5 * divide_mesh(triangles).work / WORK)
-    assert limited[:8] == whole[:8]
+    # A house may take a seventh of the work, which is 17 times what it needs.
+    limited = count_parts(2.5 * divide_mesh(triangles).work / _MOST_WORK)
+    assert limited[:14] == whole[:14]
     assert limited[-2:] == [1, 1]
 
 

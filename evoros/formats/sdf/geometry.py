@@ -15,7 +15,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.formats import strict_xml as xml
-from evoros.formats.mesh import WORK, Mesh, find_box, read_mesh
+from evoros.formats.mesh import Mesh, find_box, read_mesh
 from evoros.formats.missing import MissingFileError
 from evoros.formats.sdf.heightmaps import read_heightmap
 from evoros.formats.sdf.inclusion import CHOICES, find_uri, require_file
@@ -24,7 +24,8 @@ from evoros.geometry.polyhedron import decompose, placed_corners
 from evoros.geometry.shapes import MeshFile, Pose, Shape, Vector
 from evoros.terminal.activity import announce
 
-_MINUTE = 1.2e7  # work on meshes (see ``divide_mesh``) that takes one core a minute
+_MINUTE = 1.4e7  # work on meshes (see ``divide_mesh``) that takes a minute, with further handling
+_MOST_WORK = 2e6  # maximum work on one mesh; most buildings need less
 REACH_M = 30.0  # distance [m] from the course, times ``mesh_effort`` > 1, where meshes stay coarse
 HIGH_M = 0.6  # height [m] above which few robots reach or see
 
@@ -219,7 +220,7 @@ def divide_meshes(
     for index, use in enumerate(sorted(places, key=places.__getitem__), 1):
         is_far, _, distance, _ = places[use]
         # Halve the work until it is within the limit, because parts are cached for each amount.
-        limits = (effort * WORK / 2**i for i in range(7))
+        limits = (effort * _MOST_WORK / 2**i for i in range(7))
         wanted, work = 10 * effort, next((limit for limit in limits if limit <= left), 0.0)
         remark = "the mesh is divided coarsely to save time"
         if is_far:
