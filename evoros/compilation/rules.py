@@ -103,7 +103,8 @@ def compile_rule(rule: Any, signature: Any) -> CompiledRule:
 
 def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     """Compile a rule, once per process, or return why numba cannot."""
-    # A live engine has new methods in each mission, which the cache of _compile would all keep.
+    # Each mission has new methods of a live engine, all of which would stay in the cache of
+    # _compile.
     function = _get_function(rule)
     if not isfunction(function):
         return NotCompilable("it is not a plain function")

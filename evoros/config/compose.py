@@ -31,7 +31,7 @@ from evoros.observers.protocol import Observer
 
 _LOG = logging.getLogger(__name__)
 _PATH = re.compile(r"[^][\s,'\"]*/([^][\s,'\"/]+)/*")
-MAX_LENGTH = 100  # characters; file systems allow 255 bytes
+MAX_LENGTH = 100  # maximum number of characters; file systems allow 255 bytes
 
 
 def job_name(overrides: Sequence[str]) -> str:

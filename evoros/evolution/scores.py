@@ -109,7 +109,7 @@ class Confirmed:
         contest: Contest,
         cases: Sequence[Case],
     ) -> dict[int, float]:
-        """Repeat the trials of the best designs; return the fitness, confirmed if any, by id."""
+        """Confirm the best designs; return the fitness of all designs, confirmed where possible."""
         experiment, fitness = self.trials.experiment, contest.fitness()
         if experiment.confirmation is None:
             return fitness

@@ -251,7 +251,7 @@ def _anchor(child: Element, frame: str) -> None:
 
 
 def _rename_duplicates(container: Element, reading: Reading) -> None:
-    """Rename elements with a name in use: add a number, as Gazebo does, or ``_joint``."""
+    """Rename elements with equal names: append a number, as Gazebo does, or ``_joint``."""
     taken: dict[str, str] = {}
     parts = container.iterchildren("model", "link", "frame", "joint", "collision")
     for element in sorted(parts, key=lambda part: part.tag == "joint"):

@@ -126,7 +126,7 @@ class GpuBatches:
         return Cuda(import_driver()) if self.device == GPU else Host()
 
     def give_up(self, reason: str) -> str:
-        """Return the message that missions run on the CPU; raise it if ``fallback`` is STOP."""
+        """Return the message that missions run on the CPU; stop the run if ``fallback`` is STOP."""
         lack = f"executor.device=gpu: {reason}"
         if self.fallback == STOP:
             fix = (

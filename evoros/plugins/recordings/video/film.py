@@ -125,7 +125,7 @@ def film_champion(
     return encode_mp4(film(mission, shown), shown.fps)
 
 
-ONE_ROBOT = IN_VIEW = True  # show one robot with its sensors, and the other robots without
+ONE_ROBOT = IN_VIEW = True  # shows one robot with sensors, and other robots without
 WORST_MISSION = True
 HELP = "a video of one of the champion's missions, with its sensor readings"
 NEEDS = "a finished run, or an evaluation, that recorded trajectories"
