@@ -14,7 +14,7 @@ from evoros.base.errors import InputError
 from evoros.certificate.controls import NO_SENSORS, RANDOM
 from evoros.storage.layout import CONTROLS, EVALUATION
 
-from ..drawing.style import BLUE, VERMILLION, cut_short, figure_width, is_wide, use_style
+from ..drawing.style import BLUE, VERMILLION, cut_short, figure_width, is_wide, use_style, wrap
 from ..statistics.regression import ALL_WORLDS, compare_missions
 from ..statistics.small_samples import mean_interval
 from ..subcommands import Product
@@ -28,7 +28,7 @@ FILES = ("controls.csv", "controls_summary.csv")
 LOOKS = {"control": (VERMILLION, 7.0, "white"), "champion": (BLUE, 4.0, BLUE)}
 """Edge colour, size and face colour of the markers of controls and champions."""
 INTERVAL = "95 % confidence interval for the difference"
-ROW_IN, HEAD_IN = 0.24, 0.98
+ROW_IN, HEAD_IN = 0.24, 1.1
 NAME_LENGTH = 28
 TITLES = {NO_SENSORS: "no sensors", RANDOM: "random search"}
 DECIDES = {NO_SENSORS: "the sensors", RANDOM: "the search"}  # decisive if the champion wins
@@ -57,6 +57,7 @@ def _draw_controls(
         cut_short((f"{treatment}: " if several else "") + TITLES.get(name, name), NAME_LENGTH)
         for treatment, name in keys
     ]
+    room = 30 if is_wide(width) else 12  # characters in a line below an axis
     with use_style():
         size = (width, HEAD_IN + ROW_IN * len(keys))
         figure = Figure(figsize=size, layout="constrained")
@@ -76,10 +77,12 @@ def _draw_controls(
             label=INTERVAL,
             **bars,
         )
-        left.set(xlabel="completed missions [%]", xlim=(-4, 104), yticks=range(len(keys)))
+        left.set(
+            xlabel=wrap("completed missions [%]", room), xlim=(-4, 104), yticks=range(len(keys))
+        )
         left.set_yticklabels(names)
         left.set_ylim(len(keys) - 0.5, -0.5)
-        right.set(xlabel=label)
+        right.set(xlabel=wrap(label, room))
         handles, titles = left.get_legend_handles_labels()
         across = 3 if is_wide(width) else 2
         figure.legend(handles, titles, loc="outside upper center", ncols=across, frameon=False)
