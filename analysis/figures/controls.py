@@ -67,20 +67,13 @@ def _draw_controls(
                 runs = table[(table["treatment"] == key[0]) & (table["control"] == key[1])]
                 _draw_row(axes, scale * runs[list(columns)].to_numpy(float), height)
         ends = (summary["champion_completed"] - summary[name] for name in ("high", "low"))
-        bars = {"color": VERMILLION, "lw": 1.0, "capsize": 2.5, "zorder": 2}
+        bars: dict[str, Any] = {"color": VERMILLION, "lw": 1.0, "capsize": 2.5, "zorder": 2}
+        bars |= {"fmt": "none", "label": INTERVAL}
         spans = np.clip([100 * end.to_numpy(float) for end in ends], 0.0, 100.0)
-        left.errorbar(
-            spans.mean(axis=0),
-            range(len(keys)),
-            xerr=np.ptp(spans, axis=0) / 2,
-            fmt="none",
-            label=INTERVAL,
-            **bars,
-        )
-        left.set(
-            xlabel=wrap("completed missions [%]", room), xlim=(-4, 104), yticks=range(len(keys))
-        )
-        left.set_yticklabels(names)
+        rows = range(len(keys))
+        left.errorbar(spans.mean(axis=0), rows, xerr=np.ptp(spans, axis=0) / 2, **bars)
+        left.set(xlabel=wrap("completed missions [%]", room), xlim=(-4, 104))
+        left.set_yticks(rows, names)
         left.set_ylim(len(keys) - 0.5, -0.5)
         right.set(xlabel=wrap(label, room))
         handles, titles = left.get_legend_handles_labels()
