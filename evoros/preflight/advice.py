@@ -39,9 +39,10 @@ def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) 
     steps = [(f"set {_settings(key, finer)}", setting, finer) for finer in _refine(simulator)]
     changes: Iterable[Change] = steps
     if only_turns and push <= FIRM_GRIP_MPS2:
-        soft = _soften(key, simulator, setting, trial)
-        engines = (("", setting, simulator), *_list_soft(key, simulator, setting), *steps[:2])
-        changes = chain(steps[:2], soft, steps[2:], *map(_change_robot, engines))
+        soft = _list_soft(key, simulator, setting)
+        engines = map(_change_robot, (("", setting, simulator), *soft, *steps[:2]))
+        softer = _soften(soft, simulator, setting, trial)
+        changes = chain(steps[:2], softer, steps[2:], *engines)
     for words, changed, engine in changes:
         if moves_right(changed, engine, trial):
             return f"{words}, with which the robot moves as commanded"
@@ -85,13 +86,11 @@ def _settings(key: str, simulator: Any) -> str:
 
 
 def _soften(
-    key: str, simulator: Simulator, setting: Setting, trial: TrialDrive
+    soft: Iterable[Change], simulator: Simulator, setting: Setting, trial: TrialDrive
 ) -> Iterator[Change]:
-    """Yield turning resistances and softer grounds, for robots whose wheels skid in turns."""
-    if not skids(setting.robot.drive):
-        return
+    """Yield softer grounds and resistances to turning with which skidding wheels may turn right."""
     yield from _list_resistances("set", simulator, setting, trial)
-    for words, _, softer in _list_soft(key, simulator, setting):
+    for words, _, softer in soft:
         yield words, setting, softer
         yield from _list_resistances(words, softer, setting, setting.in_engine(softer).run())
 
