@@ -164,6 +164,8 @@ def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
                 f"{path}: line 1: no column {name}, only "
                 f"{', '.join(map(str, frame.columns))}; restore the file"
             )
+        if frame[name].dtype.kind in "iuf":
+            continue
         values = pd.to_numeric(frame[name], errors="coerce")
         invalid = frame[name].notna() & values.isna()
         if invalid.any():
