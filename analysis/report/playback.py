@@ -1,7 +1,6 @@
 """Encodes missions of champions, or of current best designs, for the player of a report.
 
-Values are integers [mm, ms, mrad], stored as differences between samples or as ``[sample, value]``
-at changes.
+Values are integers [mm, ms, mrad]: differences between samples, or changes ``[sample, value]``.
 """
 
 import math

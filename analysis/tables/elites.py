@@ -165,8 +165,7 @@ def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
 def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) -> pd.DataFrame:
     """Return the cumulative missions, the coverage and the QD score by generation.
 
-    The QD score is the sum of the elites' fitness (Pugh et al., Frontiers in Robotics and AI 3,
-    2016).
+    The QD score is the elites' total fitness (Pugh et al., Front. Robot. AI 3, 2016).
     """
     rows = []
     for generation, count in missions.items():

@@ -1,7 +1,4 @@
-"""The factors of a study: differences between runs other than seeds, and their levels.
-
-A factor is the name of a part (``failure``), a value, or a level given by the user (``treatment``).
-"""
+"""The factors of a study: parts (``failure``), values, and levels by the user (``treatment``)."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -75,10 +75,7 @@ def explain_end(
     error: BaseException,
     typed: Sequence[str] = (),
 ) -> JobResult:
-    """Return the result of a job that raised an error, with the command that resumes the job.
-
-    ``typed`` has the overrides of ``evoros resume``, which the run does not record.
-    """
+    """Return the result of a failed job, with the command (overrides ``typed``) that resumes it."""
     # Imported here, because --help does not use these slow imports.
     from evoros.config.own_files import locate_fault
     from evoros.storage.layout import FINISHED, LOG, MISSIONS, STATUS, read_json, resume_command

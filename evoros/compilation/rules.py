@@ -201,10 +201,7 @@ _FUNCTIONS = {
 
 
 def substitute(function: Any, helpers: bool = False) -> Any:
-    """Return a copy of a user's function that uses the elementary functions of evoros.
-
-    With ``helpers``, the functions of its module that it calls are also copied.
-    """
+    """Copy a user's function (and its ``helpers``) to use the elementary functions of evoros."""
     if not isfunction(function) or is_bundled(function):
         return function
     return _substitute(function, helpers, {})

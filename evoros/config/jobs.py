@@ -1,7 +1,6 @@
 """Converts overrides to the jobs of a command or sweep, each with a folder.
 
-Hydra only composes configurations: its runner would create folders early, and end a sweep at the
-first faulty job.
+Hydra only composes: its runner makes folders early and ends a sweep at the first faulty job.
 """
 
 import math

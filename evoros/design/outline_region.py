@@ -84,8 +84,7 @@ def trace_side(outline: Array, side: str) -> SideLine:
 class OutlineRegion(protocol.RegionDescription):
     """A side of the outline of a robot, or of one of its links, at a height.
 
-    If there are no collision shapes at that height, all shapes form the outline. Sensors face
-    outwards.
+    It is the outline of all shapes if there is none at that height. Sensors face outwards.
     """
 
     side: Annotated[str, one_of(*SIDES)]

@@ -33,8 +33,7 @@ PLACE = Rule(
 class Agent:
     """An additional robot, which has the same home in all worlds.
 
-    Parts that are None are taken from the first robot. A ``design`` evolves together with the first
-    robot's.
+    Parts that are None are the first robot's. A ``design`` evolves together with the first's.
     """
 
     home: Annotated[Sequence[float], PLACE]  # x, y [m], yaw [rad]

@@ -226,10 +226,7 @@ class Adversary(Protocol):
         """
 
     def tell(self, scores: Mapping[int, Mapping[int, float]]) -> None:
-        """Receive the scores of the generation, keyed by design and case index.
-
-        A design may have been tested in only some of the cases, or in none.
-        """
+        """Receive scores by design and case index; a design may lack some cases, or all."""
 
 
 class AdaptiveFailure(Failure):

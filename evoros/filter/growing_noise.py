@@ -15,8 +15,7 @@ from evoros.filter.protocol import Channels, Filter, add_within
 class GrowingNoise(Filter):
     """Adds a normal deviate to each sample and clips the sum to the limits.
 
-    The standard deviation at range r is ``sigma_m`` + ``growth_per_m`` r². A value at ``high`` is
-    unchanged.
+    At range r, its standard deviation is ``sigma_m`` + ``growth_per_m`` r². ``high`` is unchanged.
     """
 
     name = "GrowingNoise"

@@ -132,10 +132,7 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
-    """Intersect a hull with the vertical axis; return the lifts, and the normals of the faces hit.
-
-    If the axis misses the hull, return only a horizontal normal, which separates the two.
-    """
+    """Return the lifts and normals where the vertical axis cuts a hull, or a separating normal."""
     rise, offset = planes[:, 2], planes[:, 3]
     aside = np.flatnonzero(np.abs(rise) <= SIDEWAYS)
     if len(aside) and offset[aside].min() < 0.0:

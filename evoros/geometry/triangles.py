@@ -55,10 +55,7 @@ def _have_area(points: Array, faces: Indices) -> NDArray[np.bool_]:
 
 
 def join_near(surface: Surface, cell: float) -> tuple[Surface, Indices, float]:
-    """Replace the points in each cube of ``cell`` [m] with their mean.
-
-    Return the faces that still have an area, their indices, and the maximum displacement [m].
-    """
+    """Join points per cube of ``cell`` [m]; return faces with area, indices, maximum shift [m]."""
     _, indices = unique_rows(np.floor(surface.points / cell))
     sums = np.stack([np.bincount(indices, column) for column in surface.points.T], axis=1)
     points = sums / np.bincount(indices)[:, None]

@@ -169,10 +169,7 @@ class Scenario:
         return any(isinstance(member.controller, LiveController) for member in self.members)
 
     def equip(self, design: Design) -> tuple[Member, ...]:
-        """Return the robots with the sensors and evolved values of a design.
-
-        Missions of the same design share its robots, with the tables that robots compute once.
-        """
+        """Return the robots with a design's sensors and values; equal designs share them."""
         newest = self._newest
         if newest is None or newest[0] is not design:
             newest = vars(self)["_newest"] = design, self._equip(design)

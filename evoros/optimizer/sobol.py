@@ -22,8 +22,7 @@ MOST_GENES: int = qmc.Sobol.MAXDIM
 class Sobol(BundledOptimizer):
     """Evaluates the designs of a scrambled Sobol' sequence in order; keeps the best.
 
-    I. M. Sobol', USSR Computational Mathematics and Mathematical Physics 7 (4), 1967; A. B. Owen,
-    Journal of Complexity 14 (4), 1998.
+    Sobol', USSR Comput. Math. Math. Phys. 7 (4), 1967; Owen, J. Complexity 14 (4), 1998.
     """
 
     population_size: Annotated[int, COUNT] = 16

@@ -62,10 +62,7 @@ def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | N
 
 
 def rolling_shapes(urdf: Urdf, link: str) -> list[tuple[Shape, Pose]]:
-    """Return the shapes of a wheel or caster, in the robot's frame.
-
-    If the link has visual cylinders, they replace its spheres, as on passive wheels.
-    """
+    """Return a rolling link's shapes in the robot's frame; visual cylinders replace its spheres."""
     shapes, shown = urdf.shapes[link], urdf.visuals[link]
     balls = [shape for shape in shapes if shape.kind == "sphere"]
     discs = [shape for shape in shown if shape.kind == "cylinder"]

@@ -251,10 +251,7 @@ def sensor_bearings(sensor: RangeSensor) -> list[float]:
 
 
 def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
-    """Yield the column name of each channel of mounted sensors, in order.
-
-    ``range_N_m`` is the range of sensor N, and ``range_N_K_m`` one of several channels.
-    """
+    """Yield the columns of the channels in order: ``range_N_m``, or ``range_N_K_m`` of several."""
     for index, sensor in enumerate(sensors):
         yield from name_readings(index, [channel[:2] for channel in sensor.channels])
 

@@ -20,8 +20,7 @@ from evoros.sensor.protocol import BEAM, BOX, RangeSensor, find_field, spread_be
 class Sonar(RangeSensor):
     """A range sensor with a square beam, sampled by a square grid of rays.
 
-    Objects between rays are missed (a preflight check warns). The defaults match the 2018 paper
-    (Evo-ROS).
+    Objects between rays are missed (preflight warns). Defaults match the 2018 paper (Evo-ROS).
     """
 
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.06

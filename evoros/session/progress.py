@@ -39,8 +39,7 @@ class _Shown:
 class Progress(_Shown, Display):
     """The progress display of one run or evaluation; a context manager.
 
-    If ``shown``, the progress appears on the terminal, below a notebook cell or, in a pipe, as a
-    new line every 10 s.
+    If ``shown``, it is on the terminal, below a notebook cell or, in a pipe, a line every 10 s.
     """
 
     def __init__(self, shown: bool = True) -> None:

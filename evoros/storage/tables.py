@@ -1,7 +1,6 @@
 """Converts missions to and from CSV, and generations and trajectories to CSV.
 
-Numbers have full precision (``repr``), unmeasured values are empty, and semicolons separate items
-of lists.
+Numbers have full precision (``repr``), unmeasured values are empty, semicolons separate items.
 """
 
 import csv

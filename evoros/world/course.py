@@ -18,10 +18,7 @@ DIRECTION = checks.one_of("random", "forward", "backward", "parity", ONE_WAY)
 @dataclass(frozen=True)
 @checks.checked
 class Course:
-    """A route in two phases: around the corners and back home, then the same in reverse.
-
-    With ``direction=one_way``, the route ends at the last corner.
-    """
+    """A route around the corners and back, then in reverse; ``one_way`` ends at the last corner."""
 
     home_x_m: Annotated[float, checks.NUMBER]
     home_y_m: Annotated[float, checks.NUMBER]

@@ -1,7 +1,4 @@
-"""Converts SDF 1.0, used by Gazebo 1.0 (2012), to elements of later versions.
-
-The table follows sdformat's ``1_0.convert``; files in the later form stay unchanged.
-"""
+"""Converts SDF 1.0, of Gazebo 1.0 (2012), to later elements, as sdformat's ``1_0.convert``."""
 
 from lxml import etree
 from lxml.etree import _Element as Element

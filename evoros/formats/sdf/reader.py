@@ -119,8 +119,7 @@ def read_sdf(
 ) -> SdfWorld:
     """Read the content of an SDF file, which errors call ``source``.
 
-    Other files are searched for around ``file``. Meshes near ``course`` (n, 2) [m] are divided
-    first.
+    Other files are near ``file``. Meshes near ``course`` (n, 2) [m] are divided first.
     """
     reading = Reading(file or FilePath(source).absolute(), options or SdfOptions(), source)
     root = parse_leniently(content, source)

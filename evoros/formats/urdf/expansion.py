@@ -110,10 +110,7 @@ _MESH_SCHEMES = ("package://", "model://", "file://")
 
 
 def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
-    """Replace the names of existing meshes and textures by addresses (``file:///...``).
-
-    Visual and collision elements with a file in an ignored package are removed.
-    """
+    """Give existing meshes and textures addresses; remove elements of ignored packages."""
     left_out: list[str] = []
     notes = Notes(_LOG)
     for element in list(list_named_files(root)):
@@ -142,10 +139,7 @@ def list_named_files(root: Element) -> Iterator[Element]:
 
 
 def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIndex) -> None:
-    """Collect the missing meshes of collision elements.
-
-    If any is missing, visual ones of links without collisions follow, as wheels and body need them.
-    """
+    """Collect missing collision meshes and, if any, visual ones of links without collisions."""
     links, turning = root.findall("link"), find_turning(root)
     bare = [link for link in links if link.find("collision") is None]
     meshes = [mesh for link in links for mesh in link.iterfind("collision/geometry/mesh")]

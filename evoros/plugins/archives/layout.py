@@ -32,10 +32,7 @@ class Layout:
 
     @classmethod
     def around(cls, folders: Iterable[Path], home: Path | None) -> "Layout":
-        """Assign archive paths so that relative paths between the folders remain valid.
-
-        Folders with a common parent above ``home`` become neighbours, to leave out the user's name.
-        """
+        """Assign archive paths that keep relative paths valid, and leave out the user's name."""
         given = dict.fromkeys(folders)
         tops = [one for one in given if not any(other in one.parents for other in given)]
         if not tops:

@@ -205,8 +205,7 @@ NO_LIMIT = 1000  # maximum ratio of simulated to real time, never reached
 class ArduPilot(ardupilot_parameters.ArduPilotSettings):
     """A controller that runs ``binary``, an ardurover built for simulation, in each mission.
 
-    Each mission starts armed in mode AUTO, with the route loaded; README.md describes inputs and
-    outputs.
+    Missions start armed, in mode AUTO, with the route; README.md describes inputs and outputs.
     """
 
     @property

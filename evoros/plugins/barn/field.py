@@ -256,8 +256,7 @@ class BarnFiles:
 def load_barn(folder: str, course: Course) -> World:
     """Load the files ``world_N.world`` in a folder; trial N uses world N.
 
-    The length of the shortest path is read from ``path_files/path_N.npy``, or computed if this is
-    missing.
+    The shortest path is read from ``path_files/path_N.npy``, or computed if this is missing.
     """
     place = expand_home(folder)
     found = {

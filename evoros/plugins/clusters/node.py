@@ -1,7 +1,6 @@
 """Code that runs in a cluster worker, and the environment that all workers must share.
 
-Calls run in child processes of ``companion``, because Dask workers are daemonic and cannot have
-children.
+Child processes of ``companion`` run calls, as Dask workers cannot have children.
 """
 
 import hashlib

@@ -159,8 +159,7 @@ def _read_champion_swings(record: Record) -> pd.DataFrame:
 def read_gains(record: Record) -> pd.DataFrame:
     """Return a run's ``recorded``, ``validated`` and ``gap`` (best minus mean) in one row.
 
-    The columns end in ``_first``, ``_early`` or ``_last``; ``last`` is the number of the last
-    generation.
+    Columns end in ``_first``, ``_early`` or ``_last``; ``last`` is the last generation.
     """
     traced = trace_fitness(record.run.generations)
     first, last = traced.index[0], traced.index[-1]

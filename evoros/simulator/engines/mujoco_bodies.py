@@ -173,8 +173,7 @@ def add_ground_pairs(
 ) -> None:
     """Let shapes collide with the ground, by contact parameters of sliding and rolling shapes.
 
-    Friction is the product of both coefficients, as in PyBullet; with the larger, wheels would grip
-    on ice.
+    Friction is the product of coefficients, as in PyBullet; with the larger, ice has grip.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in product(soles, grounds):

@@ -153,10 +153,7 @@ def _add_link(
     rolls: bool,
     masks: tuple[int, int] | None,
 ) -> list[str]:
-    """Add the collision shapes of a link; return the names of those that can touch the ground.
-
-    Exposed wheels have each shape twice, to distinguish contacts with the ground from obstacles.
-    """
+    """Add a link's shapes, twice if an exposed wheel's; return those that may touch the ground."""
     posed = [(shape.pose, shape) for shape in shapes]
     if not posed:
         return []

@@ -1,7 +1,4 @@
-"""Missions as rosbags for rviz, Foxglove and the ROS tools.
-
-Topics and frames of an agent are prefixed with its name; all robots share ``/tf``.
-"""
+"""Missions as rosbags, with the agent's name in topics and frames; robots share ``/tf``."""
 
 import argparse
 import json
