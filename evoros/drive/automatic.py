@@ -99,7 +99,9 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     """
     pairs = pair_up([wheel for wheel in wheels if wheel.steering is None])
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
-    joints = [wheel.joint for wheel in wheels] if pairs else turning
+    # The fingers of a hand are no rollers.
+    called = [j for j in turning if is_called_wheel(j) or read_kind([j.name, j.child])]
+    joints = [wheel.joint for wheel in wheels] if pairs else called
     reason = next(filter(None, (find_rollers(urdf, joint) for joint in joints)), "")
     plugin = name_sideways_plugin(urdf.plugins)
     if plugin and not reason:  # neither names nor slippery wheels suffice as evidence

@@ -122,6 +122,13 @@ def test_twin_casters_that_may_be_driven_are_named_and_drive_if_asked() -> None:
     assert chosen.right_wheel_joints[0] == "fr_r_caster_wheel_joint"
 
 
+def test_the_fingers_of_a_hand_are_no_rollers() -> None:
+    hand = link("wrist", "") + joint("wrist_joint", "wrist", "0 0 0.5", more=Z)
+    fingers = ROLLERS.replace("CORNER", "hand").replace("PARENT", "wrist")
+    casters = (FRONT + REAR).replace('_wheel"', '_caster_wheel"')
+    assert "all wheels are casters" in refusal(casters, hand, fingers)
+
+
 def test_three_omni_wheels_have_no_drive_to_choose() -> None:
     parts = []
     for i in range(3):
