@@ -21,8 +21,7 @@ KEYS = ("source", "design")  # columns that identify a design of an evaluation
 def collect_missions(study: Study) -> pd.DataFrame:
     """Concatenate the missions of all evaluations, and classify their failures.
 
-    ``drawn`` marks missions with random failures, which estimate risks; ``intact`` marks missions
-    without failures.
+    Columns ``drawn`` (random failures, to estimate risks) and ``intact`` (none) are added.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1

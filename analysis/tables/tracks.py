@@ -42,8 +42,7 @@ def read_track(
 ) -> pd.DataFrame:
     """Read a robot's track in a world, one row per sample, with ``COLUMNS`` and recorded extras.
 
-    The track ends with the robot's mission, and is empty if the mission could not be run; see
-    ``read_mission``.
+    It ends with the robot's mission, empty if none could be run; see ``read_mission``.
     """
     mission, trajectory = read_mission(run, world, design)
     ended = float(mission["time_s"]) + 1e-6

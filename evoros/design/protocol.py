@@ -70,8 +70,7 @@ class RegionDescription(ABC):
     ) -> BoundRegion:
         """Return this region, configured at ``key``, bound to a robot that carries ``sensors``.
 
-        An InputError is raised if the region, or its mirror image if ``mirrored``, is off the
-        robot.
+        If it, or its mirror image if ``mirrored``, is off the robot, it raises an InputError.
         """
 
 

@@ -1,7 +1,6 @@
 """The main process's handle on a worker process, and on the calls tried in it.
 
-Each worker has its own Pebble pool, because a shared pool of Pebble 5.2 can report the crash of one
-call for another.
+Workers have their own Pebble pools; a shared one (5.2) can report a crash for another call.
 """
 
 import os

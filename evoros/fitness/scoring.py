@@ -99,8 +99,7 @@ class Scoring:
     ) -> dict[str, float]:
         """Summarize a design's missions: the fitness over trials, and the results in each world.
 
-        The sample standard deviation of one trial is NaN. For each world, there are the completion
-        rate and the mean progress.
+        The results: completion rate, mean progress; the standard deviation of one trial is NaN.
         """
         scores = self.score_trials(missions, outcomes)
         by_world: dict[str, list[Outcome]] = {}

@@ -206,8 +206,7 @@ WHEEL_NAMES = "left wheel", "right wheel"
 class Actuation:
     """The values between the ``command`` of the controller and the drive.
 
-    Faults of the command act first. A silent (NaN) command repeats the previous command; a silent
-    wheel stops.
+    Faults act first. A silent (NaN) command repeats the previous one; a silent wheel stops.
     """
 
     def __init__(self, command: Array) -> None:

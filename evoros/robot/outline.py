@@ -193,8 +193,7 @@ def find_occluders(
 ) -> Occluders:
     """Find the shapes that can block the view of the robot's sensors.
 
-    These are the collision shapes or, if given, the ``visuals`` by link, but always the collision
-    shapes of ``rolling`` links (wheels and casters).
+    They are collision shapes, or ``visuals`` by link unless it is ``rolling`` (wheels, casters).
     """
     occluders = []
     for link, shapes in urdf.shapes.items():

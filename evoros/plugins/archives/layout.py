@@ -101,8 +101,7 @@ def place_inside(top: Path, path: Path) -> str:
 def place_named(folder: Path, manifest: Mapping[str, Any], tops: Sequence[Path]) -> dict[str, str]:
     """Map each folder that may appear in the files of a run or evaluation to its archive path.
 
-    These are ``tops``, the sweep, and sources of designs; of a folder outside ``tops``, only the
-    name is kept.
+    These are ``tops``, the sweep, and sources of designs; others keep only their name.
     """
     both = ((top, path) for top in tops for path in (top.absolute(), top.resolve()))
     places = {str(path): place_inside(top, top) for top, path in both}

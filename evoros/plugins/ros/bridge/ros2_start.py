@@ -21,8 +21,7 @@ FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # DDS ports below Linux'
 class Group(NamedTuple):
     """The nodes of one command, or of all launch files, which receive messages together.
 
-    Topic names have a ``prefix`` per group, because a DDS publisher reaches all subscriptions at
-    once.
+    Groups have a topic ``prefix``, as a DDS publisher reaches all subscriptions at once.
     """
 
     prefix: str
