@@ -240,9 +240,7 @@ def test_only_the_inside_of_a_box_that_is_open_above_is_false_area(
     level: float, false: float
 ) -> None:
     """Nothing gets into a terrace that is drawn without its underside; a tub is open."""
-    box = trimesh.creation.box(
-        (2.0, 1.0, 0.5), trimesh.transformations.translation_matrix((0, 0, 0.25))
-    )
+    box = trimesh.creation.box(bounds=((-1.0, -0.5, 0.0), (1.0, 0.5, 0.5)))
     triangles = np.asarray(box.triangles)
     surface = weld(triangles[(triangles[:, :, 2] != level).any(axis=1)])
     sections = compare_sections(surface, [surface.points], [0.1, 0.3])
