@@ -5,7 +5,14 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
-from evoros.base.errors import InputError, escape, explain_path, shell_line, single_line
+from evoros.base.errors import (
+    InputError,
+    escape,
+    explain_path,
+    list_names,
+    shell_line,
+    single_line,
+)
 from evoros.storage.archives import open_folder
 from evoros.storage.circumstances import COMPUTING
 from evoros.storage.layout import folders_below
@@ -97,7 +104,7 @@ def _name_copies(runs: Sequence[Record]) -> set[str]:
     if copies:
         LOGGER.warning(
             "runs with the configuration and seed of another run are left out: %s",
-            ", ".join(copies.values()),
+            list_names([*copies.values()]),
         )
     return set(copies)
 

@@ -4,7 +4,7 @@ import errno
 import os
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 GIVE_RIGHTS = "give this user read and write permission"
@@ -15,6 +15,7 @@ PATH_REMEDIES = {
 }
 """Fixes for errors of path operations, keyed by error number."""
 _LOOP = "Symlink loop from "
+_NAMED = 6  # maximum number of names that a message lists
 
 
 class EvorosError(Exception):
@@ -112,6 +113,12 @@ def count_digits(size: float) -> int:
 def write_count(number: int, noun: str) -> str:
     """Return a count with its noun, in the plural unless the count is 1."""
     return f"{number:,} {noun}" + "s" * (number != 1)
+
+
+def list_names(names: Sequence[str]) -> str:
+    """Return names for a message, separated by commas; after ``_NAMED`` names, their number."""
+    more = f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def shell_line(*words: str) -> str:

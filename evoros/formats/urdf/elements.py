@@ -10,6 +10,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.arrays import Array, length, principal_axes, product
+from evoros.base.errors import list_names
 from evoros.formats.strict_xml import element_error, find_child, require_child
 from evoros.formats.urdf.parts import read_origin, read_shapes, read_tensor, read_value
 from evoros.geometry.footprint import bottom_height, top_height
@@ -176,7 +177,6 @@ def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
 DENSITY_KG_M3 = 500.0  # density of parts without a mass, assumed hollow: between foam and plastic
 _MIN_GYRATION_M = 1e-4
 _DEFAULT_GYRATION_M = 0.02  # radius of gyration [m] of a link without shapes
-_NAMED = 6  # maximum number of links named in a message
 
 
 def correct_inertias(robot: Element, extent_m: float) -> list[str]:
@@ -207,12 +207,7 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
         f"centres of mass are farther from their links than the robot's size ({extent_m:.3g} m), "
         "so they may not be in metres; write <origin> of <inertial> in metres": beyond,
     }
-    return [f"{text}: {_list(names)}" for text, names in notes.items() if names]
-
-
-def _list(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+    return [f"{text}: {list_names(names)}" for text, names in notes.items() if names]
 
 
 def _read_mass(inertial: Element) -> float:
