@@ -49,7 +49,7 @@ HELP = (
 )
 NEEDS = "two evaluations or two runs with the same draws, the older one first"
 FILES = ("regression.csv", "regression_missions.csv", "regression_margins.csv")
-SKEWED = ("change in completion time, bootstrap", "paired values change, sign flips")
+SKEWED = ("change in completion time, bootstrap", "paired values change (sign-flip test)")
 SHOWN = 5  # maximum number of missions with a printed replay command
 LOOKS: Mapping[str, tuple[str, str, str, float]] = {
     SAME: ("unchanged, time within 1 %", "o", "0.75", 2.5),

@@ -69,7 +69,7 @@ class DesignMap:
     high: float
     view_box: str  # common to all pictures
     outline: Markup  # outline of the robot, common to all pictures
-    key: str = ""  # unique key on the page
+    key: str = ""  # identifies the map on the page
     title: str = ""  # treatment, if the study has several
     runs: int = 1  # number of runs with designs on the map
 

@@ -94,7 +94,7 @@ SCRIPTS = (*PLAYER, "maps", "tables")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--playbacks``, ``--designs`` and ``--claims``."""
     about = (
-        "size limit for the missions on the page, about 0.3 MB per run; the best run of each "
+        "size limit for the missions on the page; about 0.3 MB per run; the best run of each "
         "treatment is included even beyond the limit; default: 3"
     )
     parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)

@@ -188,7 +188,7 @@ INTERVALS: Mapping[str, Shortfall] = {
 TESTS: Mapping[str, Shortfall] = {
     "a factor has an effect": Shortfall(12, 8),
     "two factors interact": Shortfall(9, 8),
-    "paired values change, sign flips": Shortfall(12),
+    "paired values change (sign-flip test)": Shortfall(12),
 }
 """Actual error rates of tests at the 5 % level, keyed as in ``docs/coverage.md``."""
 

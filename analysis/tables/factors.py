@@ -19,7 +19,7 @@ _MANY = 24  # maximum length of a label made of world names
 
 @dataclass(frozen=True)
 class Factor:
-    """A factor with the level of each run."""
+    """A factor and its level in each run."""
 
     key: str  # dotted configuration key, or a name given by the user
     name: str  # column name: the shortest suffix of the key that is unique among the factors

@@ -40,7 +40,7 @@ def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFr
 def read_track(
     run: Run, context: FigureContext, world: str, design: int | None = None
 ) -> pd.DataFrame:
-    """Read a robot's track in a world, one row per sample, with ``COLUMNS`` and recorded extras.
+    """Read a robot's track in a world, one row per sample, with ``COLUMNS`` and other columns.
 
     It ends with the robot's mission, empty if none could be run; see ``read_mission``.
     """

@@ -135,7 +135,7 @@ TESTS = (
         repetitions=500,
     ),
     Subject(
-        "paired values change, sign flips",
+        "paired values change (sign-flip test)",
         "regression",
         [sign_flips],
         [

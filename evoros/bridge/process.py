@@ -195,7 +195,7 @@ def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchErr
         )
     return LaunchError(
         f"{program}: cannot start, because no folder or process could be created ({where}: {why}); "
-        "free the resource that has run out"
+        "free up disk space, memory or processes, whichever ran out"
     )
 
 

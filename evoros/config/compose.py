@@ -31,7 +31,7 @@ from evoros.observers.protocol import Observer
 
 _LOG = logging.getLogger(__name__)
 _PATH = re.compile(r"[^][\s,'\"]*/([^][\s,'\"/]+)/*")
-MAX_LENGTH = 100  # maximum number of characters; file systems allow 255 bytes
+MAX_LENGTH = 100  # maximum length before the hash; file systems allow 255 bytes
 
 
 def job_name(overrides: Sequence[str]) -> str:
@@ -98,7 +98,7 @@ def compose_with_hydra(
     index: int = 0,
     primary: str = "config",
 ) -> DictConfig:
-    """Compose with Hydra's part for job ``index``; ``${hydra:...}`` refers to the last result."""
+    """Compose with the section ``hydra`` of a job; ``${hydra:...}`` refers to the last result."""
     extra = [] if config_dir is None else [search_path(config_dir)]
     try:
         with initialize():

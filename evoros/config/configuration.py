@@ -27,7 +27,7 @@ VERSION_BASE: Mapping[str, Any] = {} if IS_LATER else {"version_base": "1.3"}
 
 @dataclass(frozen=True)
 class Configuration:
-    """The composed configuration of a run, without Hydra's part.
+    """The composed configuration of a run, without the section ``hydra``.
 
     ``choices`` has entries such as ``failure: spatial``; if a group is placed in another package,
     the key names it, as in ``filter@failure.effect: stuck``.
@@ -127,14 +127,14 @@ def _describe_missing(key: str, name: str) -> str:
 
 
 def freeze(config: DictConfig, evaluates: bool = False) -> Configuration:
-    """Resolve the references of a configuration, and drop Hydra's part."""
+    """Resolve the references of a configuration, and drop the section ``hydra``."""
     hidden = ("hydra", "designs", "like") if evaluates else ("hydra",)
     shown = OmegaConf.masked_copy(config, [str(key) for key in config if key not in hidden])
     designs = config.get("designs") if evaluates else None
     if OmegaConf.is_config(designs):
         designs = OmegaConf.to_container(designs, resolve=True)
     text, values = settle(shown)
-    # recorded configurations lack Hydra's part
+    # recorded configurations have no section ``hydra``
     typed = OmegaConf.select(config, "hydra.overrides.task")
     listed: Any = OmegaConf.to_container(typed, resolve=False) if typed else ()
     choices = OmegaConf.select(config, "hydra.runtime.choices") or {}

@@ -28,7 +28,7 @@ from evoros.drive.rolling import Pair
 from evoros.formats.urdf.tree import Urdf
 
 DEFAULT_STEERING_RAD = 0.5  # default if steering joints have no limits
-MAX_DEFAULT_STEERING_RAD = 0.8  # maximum default, even if steering joints have wider limits
+MAX_DEFAULT_STEERING_RAD = 0.8  # maximum default, even if steering joints can turn further
 
 
 @dataclass(frozen=True)

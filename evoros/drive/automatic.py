@@ -59,7 +59,7 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
             problem = "bends its frame" if gap > radius else "steers a whole axle"
             problem += f" at joint {name!r}, which turns the wheels {names} together"
         elif len(turned) == 2 and gap > protocol.tolerated(radius):
-            problem = f"turns wheel {names} about {name!r}, a steering axis {gap:.3g} m away"
+            problem = f"steers wheel {names} about {name!r}, whose axis is {gap:.3g} m away"
             others = _choose_kind(pair_up([wheel for wheel in wheels if wheel.steering is None]))
             if others:
                 fixes = [f"set robot.drive.kind={others} if such wheels only trail, as casters do"]

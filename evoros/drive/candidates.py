@@ -26,7 +26,7 @@ _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
 MAX_LACK = 0.15  # maximum deviation from roundness of a part that may be a wheel
 MIN_RADIUS_M = 0.01  # radius [m] up to which a part is a wheel only if the user names it
 DEFAULT_SPEED_MPS = 0.5  # default if wheels have no velocity limit
-MAX_DEFAULT_SPEED_MPS = 1.0  # maximum default, even if wheels have a higher limit
+MAX_DEFAULT_SPEED_MPS = 1.0  # maximum default speed, even if wheels have a higher limit
 DEFAULT_BICYCLE_STEERING_RAD = 0.9  # default without steering; the turning radius is 0.79 tracks
 
 

@@ -78,7 +78,7 @@ STATED = Condition(Case())  # represents every given case, because all cases sha
 
 
 def check_case(group: str, names: Iterable[str]) -> None:
-    """Check that names differ in more than letter case, which some file systems ignore."""
+    """Check that names differ in more than upper and lower case, which file systems may ignore."""
     known: dict[str, str] = {}
     for name in names:
         other = known.setdefault(name.casefold(), name)

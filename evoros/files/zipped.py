@@ -90,22 +90,23 @@ def _mark(file: BinaryIO, length: int) -> bytes:
 
 def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
     if len(members) > MOST_MEMBERS:
-        raise _refuse(path, f"at most {MOST_MEMBERS} files", f"not {len(members)}")
+        raise _refuse(path, f"contain at most {MOST_MEMBERS} files", f"not {len(members)}")
     total, by_name = 0, dict[str, ZipInfo]()
     for member in members:
         name = member.orig_filename.removesuffix("/")
         if name in by_name:
-            raise _refuse(path, "each file once", f"but has {name!r} twice")
+            raise _refuse(path, "contain each file only once", f"but has {name!r} twice")
         _check_member(path, name, member)
         by_name[name] = member
         total += member.file_size
     folders = {name for name, member in by_name.items() if member.is_dir()}
     if total > LARGEST:
-        raise _refuse(path, f"at most {LARGEST >> 30} GiB when unpacked", f"not {total >> 30} GiB")
+        rule = f"contain at most {LARGEST >> 30} GiB when unpacked"
+        raise _refuse(path, rule, f"not {total >> 30} GiB")
     for name in by_name:
         above = {str(place) for place in Path(name).parents} & (by_name.keys() - folders)
         if above:
-            raise _refuse(path, "distinct files and folders", f"but {above.pop()!r} is both")
+            raise _refuse(path, "not name a file like a folder", f"but {above.pop()!r} is both")
     return {name: member for name, member in by_name.items() if name not in folders}
 
 
@@ -113,21 +114,25 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
     parts = name.split("/")
     strange = "\\" in name or ":" in name or not name.isprintable() or "\0" in name
     if strange or any(part in ("", ".", "..") for part in parts) or max(map(len, parts)) > 255:
-        raise _refuse(path, "relative names without .. or empty parts", f"not {name!r}")
+        rule = r"contain only normalized relative paths without \ and :, with parts of "
+        raise _refuse(path, f"{rule}1 to 255 printable characters", f"not {name!r}")
     kind = stat.S_IFMT(member.external_attr >> 16)
     if kind not in (0, stat.S_IFDIR if member.is_dir() else stat.S_IFREG):
-        raise _refuse(path, "only files and folders", f"but {name!r} is a link or a device")
+        raise _refuse(path, "contain only files and folders", f"but {name!r} is a link or a device")
     if member.is_dir() and member.file_size:
-        raise _refuse(path, "empty folders", f"but the folder {name!r} has content")
-    if member.flag_bits & 1 or member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
-        raise _refuse(path, "stored or deflated files", f"but {name!r} is compressed differently")
+        raise _refuse(path, "contain no folder with data", f"but the folder {name!r} has data")
+    if member.flag_bits & 1:
+        raise _refuse(path, "contain no encrypted file", f"but {name!r} is encrypted")
+    if member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
+        rule = "contain only stored or deflated files"
+        raise _refuse(path, rule, f"but {name!r} uses another compression method")
     if member.file_size > LARGE:
-        raise _refuse(path, f"files of at most {LARGE >> 20} MiB", f"but {name!r} is larger")
+        rule = f"contain only files of at most {LARGE >> 20} MiB"
+        raise _refuse(path, rule, f"but {name!r} is larger")
     if member.file_size > max(ANY_RATIO, RATIO * member.compress_size):
         ratio = member.file_size // max(member.compress_size, 1)
-        raise _refuse(
-            path, f"compression ratios of at most {RATIO}", f"but the ratio of {name!r} is {ratio}"
-        )
+        rule = f"have compression ratios of at most {RATIO}"
+        raise _refuse(path, rule, f"but the ratio of {name!r} is {ratio}")
 
 
 def _find_damage(archive: ZipFile) -> str:
@@ -152,4 +157,4 @@ def _explain(path: Path) -> Iterator[None]:
 
 
 def _refuse(path: Path, rule: str, value: str, fix: str = "do not unpack it") -> InputError:
-    return InputError(f"{path}: must have {rule}, {value}; {fix}")
+    return InputError(f"{path}: must {rule}, {value}; {fix}")

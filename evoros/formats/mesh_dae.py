@@ -87,7 +87,7 @@ class _Document:
 
     def _node(self, node: Element, pose: Array, depth: int) -> Iterator[Submesh]:
         if depth > _DEEPEST:
-            raise ValueError("nodes contain each other")
+            raise ValueError(f"nodes are nested more than {_DEEPEST} deep, perhaps in a cycle")
         pose = pose @ _transform(node)
         names = _names_of(node)
         for child in node.iterfind("{*}*"):

@@ -169,7 +169,7 @@ def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
     for word, value in zip(words, values, strict=True):
         if not abs(value) <= MAX_NUMBER:
             limits = f"-{MAX_NUMBER:g} to {MAX_NUMBER:g}"
-            problem = f"must have numbers from {limits}, not {quote(word)}"
+            problem = f"must contain only numbers from {limits}, not {quote(word)}"
             raise element_error(element, problem, "write a number in this range")
     return values
 

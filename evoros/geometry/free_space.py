@@ -132,7 +132,7 @@ DIRECTIONS = (
     *((x, y) for x in (-1, 1) for y in (-1, 1)),
 )
 """Sixteen directions, about 22.5 deg apart, as (x, y) steps."""
-SHELTERED = 13  # minimum number of blocked directions between walls; outer corners have twelve
+SHELTERED = 13  # minimum number of blocked directions (of 16); 12 are blocked at outer corners
 WALLED = 0.7  # minimum fraction of obstacles on an enclosed region's border; the rest is doors
 # sufficient share of all free cells or of all enclosed cells, and required share of free cells
 LARGE_SHARE, ONE_SHARE, LEAST_SHARE = 0.2, 0.5, 0.01

@@ -12,7 +12,7 @@ from evoros.base.compilable import compilable
 from evoros.geometry.footprint import Footprint, distances, find_bounds
 
 CELL_M = 1.0
-MAX_CELLS = 250_000  # maximum number; if obstacles are far apart, cells are larger
+MAX_CELLS = 250_000  # maximum number of cells; if obstacles are far apart, cells are larger
 
 # A flat array of GRID_SIZE values describes the grid.
 ORIGIN_X, ORIGIN_Y, CELL, COLUMNS, ROWS = range(5)  # corner [m], cell's edge [m], numbers of both

@@ -140,7 +140,7 @@ def _change_robot(change: Change) -> Iterator[Change]:
         stronger = replace(robot, engine_urdf=UrdfDocument.from_elements(elements))
         raised = ", ".join(effort + ", ".join(names) for effort, names in efforts.items())
         more = f", and {words}" if words else ""
-        weak = f"the motors are too weak for turns: raise <limit effort> to {raised}{more}"
+        weak = f"the motors are too weak to turn the robot; raise <limit effort> to {raised}{more}"
         yield weak, setting._replace(robot=stronger), simulator
 
 

@@ -1,4 +1,4 @@
-"""Sequential betting tests of the hypothesis that the mean of bounded values exceeds a limit.
+"""Sequential tests, by betting, of whether the mean of bounded values exceeds a limit.
 
 A gambler bets that the next value exceeds the limit, at odds that are fair if the mean equals the
 limit. If the mean is at most the limit, the probability that the capital ever reaches 1 / (1 -

@@ -36,7 +36,7 @@ _LOG = logging.getLogger(__name__)
 
 GRAVITY_MPS2 = 9.81
 DENSEST_KG_M3 = 22_600.0  # density of osmium, the densest metal
-LARGEST_SHARE = 10.0  # maximum inertia of a wheel, as a multiple of that with its mass on the rim
+LARGEST_SHARE = 10.0  # maximum inertia of a wheel, relative to a wheel with all mass on the rim
 STEERING_STOP_RAD = 0.8  # limit [rad] of steering joints without a stated limit
 
 

@@ -1,4 +1,4 @@
-"""Intersections of a robot's sensor rays with the robot, outside the sensor's housing."""
+"""Points where a sensor ray meets the robot, outside the housing of the sensor."""
 
 import math
 from collections.abc import Iterator

@@ -17,7 +17,7 @@ from evoros.world.model import World
 
 MAX_STEP_S = 0.025  # maximum step [s] for motion within 1 % of the kinematics (docs/fidelity.md)
 
-MOST_MOVABLE = 5000  # maximum number; 5,000 compile in 5 s per design, 20,000 in 112 s
+MOST_MOVABLE = 5000  # maximum number of movable bodies; 5,000 compile in 5 s, 20,000 in 112 s
 
 
 @dataclass(frozen=True)

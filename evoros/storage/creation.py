@@ -23,7 +23,7 @@ def require_unused(path: Path) -> None:
             f"{path}: already contains a run, and runs are never overwritten; "
             f"to continue this run, type: {resume_command(path)}"
         )
-    raise InputError(f"{path}: must be a new or an empty folder; choose another with hydra.run.dir")
+    raise InputError(f"{path}: must be a new or empty folder; choose another with hydra.run.dir")
 
 
 def require_whole(path: Path) -> None:

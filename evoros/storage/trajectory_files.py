@@ -39,7 +39,7 @@ def robot_file(design: int, agent: str = "") -> Path:
 
 
 def loaded_robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of a design's robot as loaded by engines, if it differs."""
+    """Return the path of a design's URDF for engines, stored only if unlike ``robot_file``."""
     robot = robot_file(design, agent)
     return robot.with_name(f"{robot.stem}_as_loaded.urdf")
 

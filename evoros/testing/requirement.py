@@ -1,4 +1,4 @@
-"""Requirements on designs, for tests of a robot's software."""
+"""Checks of designs against requirements, for tests of a robot's software."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

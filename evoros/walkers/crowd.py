@@ -14,7 +14,7 @@ from evoros.base.packing import pack
 from evoros.walkers import layout as at
 from evoros.walkers.layout import REPORT_SIZE, Walk, Walking
 
-MOST_WALKERS = 200  # maximum per group; at every step, each interacts with all others
+MOST_WALKERS = 200  # maximum number of walkers per group; at each step, all interact in pairs
 
 
 def _interval(text: str, holds: Callable[[Any], bool]) -> checks.Rule:

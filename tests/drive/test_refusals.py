@@ -263,7 +263,7 @@ def test_driven_swivels_with_trailing_wheels_are_named_and_both_proposals_hold()
     turned = '<transmission name="t"><joint name="{}_steering_hinge_joint"/></transmission>'
     parts = (trailing, REAR, turned.format("left"), turned.format("right"))
     message = refusal(*parts)
-    assert "turns wheel front_left_wheel_joint about" in message
+    assert "steers wheel front_left_wheel_joint about" in message
     kinds = re.findall(r"robot\.drive\.kind=(\w+)", message)
     assert [len(choose(*parts, kind=kind).wheel_joints) for kind in kinds] == [2, 4]
 

@@ -136,7 +136,7 @@ def test_letter_case_of_a_name_does_not_matter_and_is_told(
     write(tmp_path / "models" / "crate" / "meshes" / "Box.stl", CUBE)
     with caplog.at_level(logging.WARNING):
         assert len(load(tmp_path, mesh(uri)).bodies) == 1
-    assert "only with different letter case" in caplog.text
+    assert "(upper and lower case differ)" in caplog.text
     write(tmp_path / "models" / "crate" / "meshes" / "bOX.stl", CUBE)
     with pytest.raises(InputError):  # which of the two?
         load(tmp_path, mesh(uri))

@@ -56,7 +56,7 @@ class Addresses:
     ) -> Path | None:
         """Return the file or folder at an address in a file of the given folder, or None.
 
-        The result is the first path for which ``accepts`` is true; other letter case is tried last.
+        ``accepts`` tests paths in turn; paths that differ only in upper and lower case come last.
         """
         key = (uri, beside, accepts)
         if key not in self._places:
@@ -79,8 +79,8 @@ class Addresses:
         places = (packages.find_in_any_case(path) for path in dict.fromkeys(candidates))
         place = next((place for place in places if place is not None and accepts(place)), None)
         if place is not None:
-            text = f"{self._file}: {uri} found only with different letter case: {place}"
-            self._notes.add_line(text, "case of letters", place.name)
+            text = f"{self._file}: {uri} not found; using {place} (upper and lower case differ)"
+            self._notes.add_line(text, "case", place.name)
         return place
 
     def explain(self, uri: str, beside: Path) -> tuple[str, Remedy]:

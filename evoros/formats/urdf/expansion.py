@@ -197,8 +197,8 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, no
         real = next((p for p in map(find_in_any_case, candidates) if p and p.is_file()), None)
         if real is None:
             return name
-        text = f"{file}: {name} found only with different letter case: {real}"
-        notes.add_line(text, "case of letters", real.name)
+        text = f"{file}: {name} not found; using {real} (upper and lower case differ)"
+        notes.add_line(text, "case", real.name)
         real = real.resolve()
     if not packages.allows(real) and not any(map(real.is_relative_to, above)):
         roots = ", ".join(map(str, packages.roots))

@@ -2,8 +2,8 @@
 
 This module also finds files that have moved: ``$(find NAME)/x`` is a path in the installed package,
 which ``install(DIRECTORY description/x DESTINATION share/NAME)`` in CMakeLists.txt fills from
-another folder. On case-insensitive systems, names are often written with different letter case,
-such as ``Barrel.DAE`` for ``barrel.dae``.
+another folder. Names from case-insensitive systems often differ in upper and lower case, such
+as ``Barrel.DAE`` for ``barrel.dae``.
 """
 
 import os
@@ -186,7 +186,7 @@ def locate(path: Path, packages: Iterable[Path]) -> Path | None:
 
 
 def find_in_any_case(path: Path) -> Path | None:
-    """Return the only existing path that equals ``path`` up to letter case, or None."""
+    """Return the only existing path that differs at most in upper and lower case, or None."""
     here = Path(path.anchor)
     for part in path.parts[1:]:
         if not (here / part).exists():

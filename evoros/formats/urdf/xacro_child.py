@@ -40,7 +40,7 @@ _FOREIGN = ("gazebo", "transmission", "ros2_control", "sensor")
 
 
 def add_prefixes(root: Any) -> Iterator[str]:
-    """Add ``xacro:`` to the tags of a document that lack it; yield these tags."""
+    """Add ``xacro:`` to each tag in ``LEGACY_TAGS`` with the listed attributes; yield the tags."""
     for tag, attributes in LEGACY_TAGS.items():
         for element in root.getElementsByTagName(tag):
             if all(map(element.hasAttribute, attributes)):

@@ -161,7 +161,7 @@ def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
     skipped = [name for name in answer["skipped"] if name.partition("/")[0] not in absent]
     for text, names in {
         "elements of ignored packages are left out": skipped,
-        "found only with different letter case": answer["unlike"],
+        "included, although upper and lower case differ": answer["unlike"],
         "tags without the prefix xacro:, as in old files, are read as xacro tags": answer["legacy"],
     }.items():
         if names:

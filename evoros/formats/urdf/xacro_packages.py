@@ -26,7 +26,7 @@ class Packages:
     absent: dict[str, str] = field(default_factory=dict)  # missing packages, with their locations
     files: dict[str, str] = field(default_factory=dict)  # missing included files, with locations
     read: list[str] = field(default_factory=list)  # files read so far
-    unlike: list[str] = field(default_factory=list)  # files found with different letter case
+    unlike: list[str] = field(default_factory=list)  # included files whose names differ in case
     legacy: list[str] = field(default_factory=list)  # tags to which the prefix xacro: was added
 
     def find(self, name: str, file: str) -> str:

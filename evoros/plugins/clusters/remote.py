@@ -1,4 +1,4 @@
-"""The main process's side of a pool on other machines; ``node`` is the worker side."""
+"""The main-process side of a worker pool on other machines; ``node`` is the worker side."""
 
 import pickle
 import uuid

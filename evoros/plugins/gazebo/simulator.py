@@ -207,7 +207,7 @@ class Vehicle:
             self.signals.fill(signals, motion, own[ANGLES:][: self._wheels].tolist())
 
     def follow(self, command: tuple[float, ...], targets: Array) -> None:
-        """Write wheel rates [rad/s] and steering angles [rad]."""
+        """Write the wheel rates [rad/s] and steering angles [rad] of a command into ``targets``."""
         if self._command != command:
             self._command = command
             angles, rates = find_targets(self._drive, *command)

@@ -27,9 +27,9 @@ With the default (0.9, 0.95), a rover would sink by 1 mm and roll 0.2 % too slow
 """
 
 SKIDDING = (0.2, 1.0)
-"""Time constant [s] and damping ratio of friction on slipping skid-steer wheels. Stiff friction
-makes a robot hop between pairs of wheels and turn by up to a half too little; this keeps the wheels
-down, but lets it creep at 1 cm/s on a slope of 0.1 rad.
+"""Time constant [s] and damping ratio of friction on slipping skid-steer wheels. With stiff
+friction, a robot hops from one pair of wheels to another and turns as little as half as far as it
+should; these values keep the wheels down, but let it creep at 1 cm/s on a slope of 0.1 rad.
 """
 
 TOLERANCE = 1e-12  # tolerance of the solver, relative to a mean inertia dominated by the rotors

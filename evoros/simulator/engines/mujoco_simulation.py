@@ -34,7 +34,7 @@ class MujocoSignals(RigidSignals):
         self._angles = parts.wheels
 
     def read(self, signals: Array) -> None:
-        """Write all signals into their slices of ``signals``."""
+        """Write the robot's readings into their slices of ``signals``."""
         if self.exist:
             rotation, position = root_frame(self._pose)
             # angular velocity in link axes

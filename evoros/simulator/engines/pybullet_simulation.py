@@ -128,7 +128,7 @@ class BulletSignals(RigidSignals):
         super().__init__(robot, -float(settings["gravityAccelerationZ"]))
 
     def read(self, signals: Array) -> None:
-        """Write all signals into their slices of ``signals``."""
+        """Write the robot's readings into their slices of ``signals``."""
         if self.exist:
             robot = self._robot
             states = self._bullet.getJointStates(robot.body, robot.wheels)

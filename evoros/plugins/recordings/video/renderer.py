@@ -112,7 +112,7 @@ class Renderer:
     walkers: Sequence[Array] = ()  # positions (n, 2) [m] of each walker
 
     def render(self, index: int, camera: Camera) -> Pixels:
-        """Return the picture (h, w, 3) of a time index."""
+        """Return the picture (h, w, 3) at a time index."""
         motions = [self.motion, *(other.motion for other in self.others)]
         for robot, motion in zip(self.scene.robots, motions, strict=True):
             joints = {name: float(angles[index]) for name, angles in motion.joints.items()}

@@ -12,7 +12,7 @@ from evoros.geometry.footprint import height_points
 from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Shape
 
-MAX_SIDE = 129  # maximum rows and columns of a height field; larger fields are subsampled
+MAX_SIDE = 129  # maximum number of rows and columns of a height field; others are subsampled
 _SIDES, _RINGS = 32, 16  # number of sides of a cylinder, and of rings of a sphere
 AMBIENT, DIFFUSE = 0.62, 0.45  # weights of ambient and directional light
 

@@ -153,7 +153,7 @@ class Rest:
         self._isolated = isolated
         self._threads: list[WatchedThread] = []
         self._clocks: list[int] = []  # CPU-time clocks
-        self._working: WatchedThread | None = None  # the last thread found busy
+        self._working: WatchedThread | None = None  # thread that was busy at the last check
         self._tells_places = tells_places()
         self._population: object = None  # value of ``_who`` when the threads were listed
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
@@ -215,7 +215,7 @@ class Rest:
         return any(row[BACKLOG] not in (b"", NO_PACKETS) for row in rows)
 
     def _all_wait(self) -> bool:
-        """Return True if each thread waits; check the threads last found busy first."""
+        """Return True if all threads are waiting; check the most recently busy ones first."""
         for place, thread in enumerate(self._threads):
             if not thread.waits(self._tells_places):
                 self._working = thread
