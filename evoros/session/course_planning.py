@@ -17,7 +17,7 @@ from evoros.field.course_suggestion import (
     suggest_course,
 )
 from evoros.formats.sdf.reading import SdfOptions
-from evoros.geometry.footprint import Footprint, find_bounds, project_bodies
+from evoros.geometry.footprint import Footprint, contains, find_bounds, project_bodies
 from evoros.geometry.shapes import Body, Vector
 from evoros.preflight.routes import check_place, check_route
 from evoros.robot.model import Robot
@@ -197,7 +197,8 @@ def _suggest(place: _Place, bodies: Sequence[Body], on_floors: bool) -> Suggesti
         if suggestion is None or place.home is not None:
             return suggestion
         hollow = fill_hollow(obstacles, np.array(suggestion.course.home[:2]), below)
-        if not hollow:
+        # Worlds start robots at the origin, even inside a building without doors.
+        if not hollow or any(contains(area, (0.0, 0.0)) for area in hollow):
             return suggestion
         shapes += hollow
 
