@@ -29,7 +29,7 @@ class Product:
     messages: Sequence[str] = ()  # lines for standard output
     tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)  # more tables by file name
     files: Mapping[str, bytes] = field(default_factory=dict)  # content, keyed by file name
-    folder: str = ""  # folder of ``files`` to be replaced as a whole; empty without one
+    folder: str = ""  # folder of ``files`` to be replaced as a whole, if any
     status: int = DONE  # exit status of the command, which ``regression`` may change
 
 

@@ -23,7 +23,7 @@ class Clusters:
     """The best clustering of n points, and its significance."""
 
     cut: NDArray[np.int64]  # (n,) cluster of each point, counted from 1
-    silhouette: float  # mean over the points: 1 compact and separate, 0 no structure, NaN too few
+    silhouette: float  # mean over the points: 1 if compact and separate, NaN for too few points
     expected: float  # 95 % quantile of the silhouettes of cluster-free point clouds
     p: float  # fraction of these with a silhouette at least as large; NaN for too few points
 
@@ -69,7 +69,7 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
 
 
 def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> float:
-    """Return the p-value of a silhouette against samples of n from ``pool``; NaN if m < 2 n."""
+    """Return a silhouette's p-value against samples of n from ``pool``, or NaN for under 2 n."""
     if np.isnan(silhouette) or len(pool) < 2 * n:
         return np.nan
     ordered = pool[np.lexsort(pool.T)]

@@ -31,7 +31,7 @@ def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
 
 
 def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Series[float]":
-    """Return the fraction of each design's total field of view near 0 deg; NaN without sensors."""
+    """Return the fraction of each design's field of view within ``within_deg`` of 0 deg."""
     placed = sensors.yaw_deg.notna().to_numpy()
     opening = np.where(placed, _openings(sensors), 0.0)
     seen = _overlap(sensors, np.zeros(1), within_deg)[:, 0]

@@ -33,7 +33,7 @@ _MARKS: Mapping[str, Mapping[str, Any]] = {
 _WORDS = {ENDS: "sensor fails", ALTERS: "sensor error", GROWS: "error starts"}
 _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
-_WIDEST_PT = 6.0  # maximum width of the band of a growing error
+_WIDEST_PT = 6.0  # maximum width [pt] of a growing error's band
 GROWN_S = 60.0  # time [s] at which this band reaches its full width
 _STRETCHES = 60  # number of segments of a widening band
 
@@ -133,7 +133,7 @@ def draw_direction(axes: Axes, path: pd.DataFrame, phase: int) -> None:
     for target in (np.arange(count) + 0.5) * way[-1] / max(count, 1):
         row = int(np.searchsorted(way, target))
         if any(math.dist(head, places[row]) < _CLEAR_M for head in heads):
-            continue  # the heads of a robot that circles would hide its path
+            continue  # the arrowheads of a circling robot would hide its path
         heads.append(places[row].tolist())
         before = int(np.searchsorted(way, target - _ARROWHEAD_M))
         x, y = (places[row] - places[min(before, row - 1)]).tolist()

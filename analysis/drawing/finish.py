@@ -122,7 +122,7 @@ def _keep_marks_whole(axes: Axes) -> None:
 
 
 def find_marks(artist: Artist, axes: Axes) -> Array | None:
-    """Return the positions (n, 2) of the markers of an artist; None unless in data units."""
+    """Return the positions (n, 2) of an artist's markers; None if it has none in data units."""
     if isinstance(artist, PathCollection) and artist.get_offset_transform() == axes.transData:
         return _fill(artist.get_offsets())
     if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:

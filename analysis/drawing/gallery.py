@@ -22,12 +22,12 @@ from .style import BLUE, COLUMN_IN, PAGE_IN, VERMILLION, assign_colours, use_sty
 
 PER_ROW, LETTERS = 3, 45  # design panels per row, and characters per line of their titles
 POSE = ["sensor", "x_m", "y_m", "yaw_deg"]
-LABEL_PT = 8.0  # distance of a sensor's number from the sensor
+LABEL_PT = 8.0  # distance [pt] of a sensor's number from the sensor
 LENGTHS = 1.5  # maximum cone length in panels, in robot lengths
 _QUARTILES = (0.25, 0.5, 0.75)
 MIN_IN = 0.19  # minimum side [in] of a cell in which a design is recognizable
 SHORT = 0.7  # cone length in cells, in robot lengths
-_SHARE = 0.9  # size of a design as a fraction of the side of its cell
+_SHARE = 0.9  # size of a design as a fraction of its cell's side
 _BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"
 
 

@@ -54,7 +54,7 @@ class PlacedSensor:
     pitch_deg: float  # positive if the nose points up
     fov_deg: float | None  # None if the sensor casts no rays
     reach: str  # description of the range, or of a bumper's contact zone
-    corners_mm: Array  # (n, 3) corners of the sensor body; empty without a size
+    corners_mm: Array  # (n, 3) corners of the sensor body; empty if it has no size
 
     @property
     def direction(self) -> Array:

@@ -97,7 +97,7 @@ def _report_scores(
 
 
 def describe_race(race: Race, label: str) -> list[str]:
-    """Describe the span of a race, and the fraction of runs per treatment that reach the target."""
+    """Describe a race's costs, and the fraction of runs per treatment that reach the target."""
     start, budget = race.span
     unit = AXES[race.axis]
     lines = [f"{race.measure}: {race.line} {label} from {start:g} to {budget:g} {unit}"]

@@ -39,7 +39,7 @@ HELP = "sensors and cones of the champions on one robot, darker where they overl
 NEEDS = "runs with at least one generation"
 FILES = ("overlay.csv", "overlay_sensors.csv", "overlay_signals.csv")
 Shades = tuple[ListedColormap, BoundaryNorm]
-PER_ROW_IN, CROWDED_IN = 1.5, 1.2  # minimum width [in] of a panel, and with several treatments
+PER_ROW_IN, CROWDED_IN = 1.5, 1.2  # minimum panel width [in], for one treatment and for several
 LETTERS_PER_IN = 16  # characters per inch of titles
 APART = 2.5  # ratio of ranges above which shorter cones would look like dots
 BAR_IN = 0.75  # space [in] for the colour bar
@@ -48,7 +48,7 @@ LINE_IN = 0.13  # height of a title line
 BAR_LABEL = "covering the point"
 CELLS = 300  # number of cells along a cone, about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
-UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}  # columns of a unit
+UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}  # columns that identify a unit
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

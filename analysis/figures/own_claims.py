@@ -185,7 +185,7 @@ def title_measure(measure: str) -> str:
 
 
 def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
-    """Return the value of random designs and the gain of champions; NaN without random designs."""
+    """Return the value of random designs and the champions' gain; NaN if there are none."""
     random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING

@@ -63,7 +63,7 @@ def draw_panels(
     width: float = COLUMN_IN,
     signals: pd.DataFrame | None = None,
 ) -> Figure:
-    """Draw a panel per champion, in rows by treatment; ``rank_pairs`` returns ``sensors``."""
+    """Draw a panel per champion, in rows by treatment; ``sensors`` comes from ``rank_pairs``."""
     champions = Champions(sensors, contexts, signals)
     placed = champions.placed
     shown = [contexts[treatment] for treatment in champions.numbers.index]

@@ -31,7 +31,7 @@ HELP = "number of replicates needed to detect a given difference, simulated from
 NEEDS = "finished runs with replicates"
 FILES = ("power.csv", "power_curves.csv")
 USUAL = (0.5, 1.0, 1.5)  # default differences, in standard deviations
-BAR_STEP = 0.03  # vertical distance of the bars of two differences, in units of power
+BAR_STEP = 0.03  # vertical distance between the bars of two differences, in units of power
 TITLE_LENGTH = 36  # maximum number of characters per line of the legend title
 POINTS = 14  # number of computed points per curve
 

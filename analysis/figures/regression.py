@@ -72,7 +72,7 @@ NAMES = {
     "collisions": "collisions",
     TIME: "time [s]",
 }
-BAND = 0.22  # width of the band of incomplete missions, relative to the time axis
+BAND = 0.22  # width of the band for incomplete missions, as a fraction of the time axis
 NOTE_LENGTH = 62
 
 

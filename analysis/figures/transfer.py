@@ -221,7 +221,7 @@ def draw_ladder(
 
 
 def measure_bars(scores: Array, bounds: tuple[float, float]) -> Array:
-    """Return standard errors (2, n), clipped to the bounds, for mean, deviation, trials (n, 3)."""
+    """Return the error bars (2, n), within bounds, of scores (n, 3): mean, deviation, trials."""
     fitness, sd, trials = scores.T
     errors = np.nan_to_num(sd / np.sqrt(trials))
     room = np.maximum([fitness - bounds[0], bounds[1] - fitness], 0.0)

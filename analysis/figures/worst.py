@@ -100,7 +100,7 @@ class _TestedDesign:
     cases: pd.DataFrame
     sets: pd.DataFrame
     risks: pd.DataFrame
-    searched: pd.DataFrame | None  # rows from a search for worst cases; None without one
+    searched: pd.DataFrame | None  # rows from a search for worst cases; None if there was none
 
     def describe(self) -> Iterator[str]:
         if self.cases.empty:

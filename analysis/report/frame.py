@@ -177,7 +177,7 @@ class Section:
     picture: Markup | None = None
     messages: Sequence[str] = ()
     rows: int = 0  # number of rows of the table
-    numbers: Table | None = None  # None without a table or with too many rows
+    numbers: Table | None = None  # None if there is no table or it has too many rows
     left_out: Sequence[str] = ()
 
     def render(self, own_section: bool) -> Markup:

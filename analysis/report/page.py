@@ -214,7 +214,7 @@ def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
 def _outline_part(
     part: str, inner: Values, values: Values, choices: Choices
 ) -> tuple[str, str, str]:
-    """Return the key, name and values of a part: names of nested parts, keys of sets of parts."""
+    """Return a part's key, name and values: names of nested parts, keys of sets of parts."""
     values_here = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
     below: dict[str, dict[str, None]] = {}
     for key in inner:

@@ -118,7 +118,7 @@ def _encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:
 
 
 def _encode_numbers(values: Array) -> list[int | None]:
-    """Encode a column as differences of thousandths of its unit; NaN becomes None."""
+    """Encode a column as differences in thousandths of its unit; NaN becomes None."""
     return encode_differences(
         [None if math.isnan(value) else round(value * 1000) for value in values.tolist()]
     )

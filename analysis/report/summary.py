@@ -147,7 +147,7 @@ def list_findings(study: Study) -> tuple[list[str], str]:
 
 
 def list_controls(study: Study) -> list[str]:
-    """Compare the champions of each treatment with their controls; empty without controls."""
+    """Compare the champions of each treatment with their controls; empty if no run has any."""
     if not any((record.path / CONTROLS).is_dir() for record in study.records):
         return []
     try:

@@ -21,7 +21,7 @@ from .two_samples import Places
 
 TEST = "permuted Welch-James test"
 CELLS = 2_000_000  # maximum number of values permuted at a time, to limit memory
-DIGITS = 9  # number of digits of the permuted statistic, so that ties agree on every processor
+DIGITS = 9  # decimals to which the statistic is rounded, so that ties agree on every processor
 Cell = tuple[str, ...]  # one level per factor
 
 

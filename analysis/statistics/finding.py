@@ -22,12 +22,12 @@ class Finding:
     measure: str  # the measured quantity
     unit: str
     value: float  # NaN if not measurable
-    low: float  # lower bound of the 95 % interval; NaN without one
+    low: float  # lower bound of the 95 % interval; NaN if there is no interval
     high: float
     n: int  # number of replicates
     reference: float  # bound in the rule
     random: float  # value of random designs; NaN if unknown
-    p: float  # p-value of the rule's test; NaN without a test
+    p: float  # p-value of the rule's test; NaN if there is no test
     verdict: str
     why: str
 

@@ -87,7 +87,7 @@ class Simulation:
 def plan_replicates(
     simulation: Simulation, differences: Sequence[float], power: float
 ) -> Iterator[Mapping[str, float]]:
-    """Yield the replicates required for each difference, and their bounds from the deviation's."""
+    """Yield the replicates required for each difference, and for both bounds of the deviation."""
     deviation = simulation.scatter.deviation
     for difference in differences:
         needed = [

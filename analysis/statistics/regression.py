@@ -1,4 +1,4 @@
-"""Changes between two versions of a software stack, from missions on equal random draws."""
+"""Changes between two versions of a software stack, from missions on the same random draws."""
 
 import math
 from collections.abc import Hashable, Iterator, Mapping, Sequence

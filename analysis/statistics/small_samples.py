@@ -33,7 +33,7 @@ class Interval:
         return Interval(-self.value, -self.high, -self.low, self.confidence)
 
     def write(self, form: str = ".2f") -> str:
-        """Format the estimate with its bounds, if any, and with any coverage below 1 - LEVEL."""
+        """Format the estimate with any known bounds, and with their coverage if below 1 - LEVEL."""
         short = f"; {100 * self.confidence:.0f} %" if self.confidence < 1 - LEVEL else ""
         bounds = f" [{self.low:{form}}, {self.high:{form}}{short}]" if self.low <= self.high else ""
         return f"{self.value:{form}}{bounds}"

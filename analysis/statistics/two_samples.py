@@ -26,7 +26,7 @@ TEST = "permuted Brunner-Munzel test"
 MIN_VALUES = 5  # sample size below which p is 1
 MAX_SPLITS = 20_000  # maximum number of splits to enumerate; of more, a sample is drawn
 MAX_PERMUTED = 400  # maximum number of values to permute; Student's distribution is used above
-DIGITS = 9  # number of digits of the statistic, so that ties agree on every processor
+DIGITS = 9  # decimals to which the statistic is rounded, so that ties agree on every processor
 Places = NDArray[np.int64]
 
 

@@ -68,7 +68,7 @@ def trace_costs(generations: pd.DataFrame, axis: str) -> pd.DataFrame:
 def compute_quartiles(generations: pd.DataFrame, axis: str = GENERATION) -> pd.DataFrame:
     """Compute quartiles over the runs, one row per treatment and cost at the end of a generation.
 
-    Each run contributes its last generation at that cost, until the run ends.
+    Until its end, each run contributes its last generation completed within that cost.
     ``validated_replicates`` is the number of runs that validated the best candidate of that
     generation.
     """
@@ -96,7 +96,7 @@ def compute_quartiles(generations: pd.DataFrame, axis: str = GENERATION) -> pd.D
 
 
 def add_axis(parser: argparse.ArgumentParser, default: str | None = GENERATION) -> None:
-    """Add ``--axis``, the measure of the cost of a search."""
+    """Add ``--axis``, the measure of a search's cost."""
     about = "measure of cost by which to compare searches"
     parser.add_argument("--axis", choices=AXES, default=default, help=about)
 
@@ -144,7 +144,7 @@ def find_span(costs: Mapping[str, "pd.Series[float]"], axis: str, budget: float 
 
 
 def average(trace: "pd.Series[float]", span: Span) -> float:
-    """Return the mean of a step function over a span; ``trace`` has the value from each cost on."""
+    """Return the mean over a span of costs; ``trace`` has the value from each cost to the next."""
     start, end = span
     inside = trace.index[(trace.index > start) & (trace.index < end)].to_numpy(float)
     edges = np.array([start, *inside, end])
@@ -160,7 +160,7 @@ def find_first(trace: "pd.Series[float]", target: float) -> float:
 
 @dataclass(frozen=True)
 class Race:
-    """A comparison of the searches of a study at equal cost."""
+    """A comparison of a study's searches at equal cost."""
 
     axis: str
     line: str  # ``validated``, or ``recorded`` unless every generation was validated

@@ -96,7 +96,7 @@ def take_latest(table: pd.DataFrame) -> pd.DataFrame:
 
 
 class Archive(NamedTuple):
-    """The candidates of the runs of a study, on one grid."""
+    """The candidates of all runs in a study, on one grid."""
 
     grid: Grid
     candidates: pd.DataFrame  # latest scores; ``place`` is the index of the run
@@ -108,7 +108,7 @@ class Archive(NamedTuple):
 
 
 class Front(NamedTuple):
-    """The candidates of the runs of a study, and the two objectives to draw."""
+    """The candidates of all runs in a study, and the two objectives to draw."""
 
     x: Axis
     y: Axis

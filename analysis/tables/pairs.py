@@ -202,7 +202,7 @@ FREE = ("executor", "figures", "record", "trials", "optimizer", "requirements", 
 CHAMPION = "champion"
 LOST, GAINED, WORSE, BETTER, SAME = "lost", "gained", "worse", "better", "same"
 
-SLIGHT = 0.01  # maximum relative difference of unchanged completion times
+SLIGHT = 0.01  # relative difference up to which completion times count as equal
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:

@@ -83,7 +83,7 @@ def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> li
 
 
 def find_nearest(ranges: Array) -> Array:
-    """Return the minimum range (rows,) over all channels; NaN if all are silent."""
+    """Return the minimum range (rows,) of all channels; NaN if all are silent."""
     return np.asarray(np.fmin.reduce(ranges, axis=1))
 
 
@@ -110,7 +110,7 @@ class Trace(NamedTuple):
     unit: str
     time_s: Array
     values: Array  # NaN while the sensor is silent
-    failed_s: float  # onset of the sensor's failure; NaN without one
+    failed_s: float  # onset of the sensor's failure; NaN if it does not fail
 
 
 def read_traces(record: Record, world: str) -> list[Trace]:

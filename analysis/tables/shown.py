@@ -1,4 +1,4 @@
-"""Designs with stored missions, and evaluations presented as runs with such a champion."""
+"""Designs with stored missions, and evaluations as runs whose champion is such a design."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -99,7 +99,7 @@ def read_shown(
     design: int,
     read_mission: Callable[[Record, "pd.Series[str]"], ShownMission] = _read_kept,
 ) -> ShownDesign:
-    """Read any design of a run; ``read_mission`` reads its first missions."""
+    """Read any design of a run, and its first mission in each world with ``read_mission``."""
     names = record.context.courses
     missions = [
         read_mission(record, tracks.find_first_mission(record.run, design, name)) for name in names

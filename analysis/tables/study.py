@@ -109,7 +109,7 @@ class Study:
 
     @property
     def rings(self) -> tuple[Ring, ...]:
-        """The damage rings of the first run with spatial damage; empty without such a run."""
+        """The damage rings of the first run with spatial damage; empty if there is none."""
         return next((record.context.rings for record in self.records if record.context.rings), ())
 
     def check_worlds(self, names: Iterable[str]) -> None:

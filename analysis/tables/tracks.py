@@ -100,7 +100,7 @@ def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
 
 
 def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
-    """Return a design's first mission in a world, from confirmation if any, else from selection."""
+    """Return a design's first mission in a world, preferably from the confirmation."""
     missions = run.missions
     candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
     confirmed = candidates[candidates["purpose"] == CONFIRMATION]

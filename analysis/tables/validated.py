@@ -240,7 +240,7 @@ def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, p
 
 
 def describe_rates(record: Record) -> dict[str, str]:
-    """Return the champion's completion rate on fresh draws, with interval, for each world."""
+    """Describe the champion's completion rate on fresh draws and its interval, by world."""
     if record.run.evaluates or not record.finished:
         return {}
     path = record.run.champion_file("certificate.json")

@@ -80,7 +80,7 @@ SUBCOMMANDS: Mapping[str, Subcommand] = {
 
 
 def find_misuse(arguments: Sequence[str]) -> str:
-    """Explain how to correct a wrong subcommand or misplaced option; empty without an error."""
+    """Explain how to correct a wrong subcommand or misplaced option; empty if there is no error."""
     word, *others = arguments or [""]
     for folder in (text[7:] for text in arguments if text.startswith("resume=")):
         return f"resume: a subcommand, not a key; type: {_write_resume(folder)}"

@@ -184,7 +184,7 @@ def run_job(
     explain: Callable[[Path, BaseException], JobResult],
     job: Job,
 ) -> float:
-    """Run a job in this process; return its validated fitness, or its best fitness without one."""
+    """Run a job in this process; return its validated or, if there is none, its best fitness."""
     with log_to_terminal(again=True), log_everything(), log_for_job(str(job.folder)):
         try:
             session = build(job)

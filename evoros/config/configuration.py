@@ -41,7 +41,7 @@ class Configuration:
     like: str | None = None  # key ``like`` of an evaluation
     evaluates: bool = False  # whether the run evaluates given designs
     config_dir: str | None = None  # the user's configuration folder
-    sweep: str | None = None  # folder of the sweep of this job
+    sweep: str | None = None  # folder of this job's sweep
 
     def build(self) -> Experiment:
         """Build the experiment by importing and calling the classes named in the configuration."""

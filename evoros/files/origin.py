@@ -87,7 +87,7 @@ def _read_record() -> Origin | None:
 
 
 def _read_archive() -> Origin | None:
-    """Read the commit and the ``git describe`` output (empty without a tag) from archive.txt."""
+    """Read the commit and the ``git describe`` output (empty if untagged) from archive.txt."""
     lines: Sequence[str] = ()
     with suppress(OSError):
         lines = _ARCHIVE.read_text(encoding="utf-8").splitlines()

@@ -1,7 +1,7 @@
 """Reads the surfaces of a COLLADA file (DAE), with its unit and the poses of its scene.
 
 As in Gazebo Classic and RViz, ``<up_axis>`` is ignored by default, because some exporters always
-write ``Y_UP``. ``pycollada`` rejects more of the public files.
+write ``Y_UP``. ``pycollada`` rejects more public files than this reader.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,7 +19,7 @@ from evoros.base.arrays import Array, determinant, length, product
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import shorten
 
-_DEEPEST = 100  # maximum depth of nested nodes, because nodes can contain each other
+_DEEPEST = 100  # maximum nesting depth of nodes; deeper nesting means that references form a cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class _Document:
         return Submesh((*names, *_names_of(geometry)), triangles, np.concatenate(colours))
 
     def _find_colour(self, symbol: str, instance: Element | None) -> Array:
-        """Return the diffuse colour (3,) of a material; NaN for a texture or no colour."""
+        """Return the diffuse colour (3,) of a material; NaN if it has no single colour."""
         bound = [] if instance is None else instance.iterfind(".//{*}instance_material")
         names = [str(e.get("target")) for e in bound if e.get("symbol") == symbol]
         material = self.by_id.get(("material", (names or [symbol])[0].removeprefix("#")))

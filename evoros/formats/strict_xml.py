@@ -21,9 +21,9 @@ _NUMBER = re.compile(r"[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[iI][n
 _DEFAULT_NAMESPACE = re.compile(rb"\sxmlns\s*=")
 _PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
 MAX_NUMBER = 1e9  # maximum length, mass or angle, which prevents overflow of products
-_MAX_QUOTED = 60  # maximum number of characters of a quoted value
-_MAX_NAMES = 1000  # maximum number of characters of a list of names
-_MAX_REASON = 200  # maximum number of characters of another library's reason
+_MAX_QUOTED = 60  # maximum length of a quoted value [characters]
+_MAX_NAMES = 1000  # maximum length of a list of names [characters]
+_MAX_REASON = 200  # maximum length of another library's reason [characters]
 
 
 def parse(content: bytes, source: str) -> Element:
@@ -244,7 +244,7 @@ MEANINGS: Mapping[str, Meaning] = {
 
 
 def interpret(field: str, value: float) -> float:
-    """Return the meaning of a value of a field in ``MEANINGS``; infinity means no limit."""
+    """Return the meaning of a field's value by ``MEANINGS``; infinity means no limit."""
     meaning = MEANINGS[field]
     if abs(value) >= HUGE:
         value = math.copysign(math.inf, value)

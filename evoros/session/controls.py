@@ -1,4 +1,4 @@
-"""Runs the controls of a search: a random search, and an evaluation of designs on equal draws."""
+"""Runs a search's controls: a random search, and an evaluation of designs on the same draws."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace

@@ -213,7 +213,7 @@ def _start_evaluation(
 
 
 def _find_size(record: RunFolder, key: str, written: int, wanted: int | None) -> int:
-    """Return the recorded size, by default ``written``; ``wanted`` must not be smaller."""
+    """Return the recorded number of generations or trials; ``wanted`` must not be smaller."""
     recorded = record.read_status().get(SIZES[key])
     known = max(recorded, written) if isinstance(recorded, int) else written
     if recorded is None and len(record.rows):  # a run without rows may have no status yet

@@ -115,7 +115,7 @@ class Search(Watcher):
         self.folder.complete(ending.last.number + 1, self.extended)
 
     def _stops(self, spent: Spent) -> bool:
-        """Record a generation's cost; return True at a limit if no recorded generations follow."""
+        """Record a generation's cost; return True if a limit ends the search here."""
         spent.wall_s = self._status.wall_s
         if len(self.processor_s) == spent.generations - 1 >= self._recorded:
             self.processor_s.append(round(self._before + spent.processor_s, 3))

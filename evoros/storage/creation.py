@@ -27,7 +27,7 @@ def require_unused(path: Path) -> None:
 
 
 def require_whole(path: Path) -> None:
-    """Raise an error for a configuration without mission table or log, left by a killed process."""
+    """Raise an error if a kill left a configuration without a mission table or a log."""
     begun = any((path / name).exists() for name in (MISSIONS, LOG))
     if (path / CONFIG).exists() and not begun:
         raise InputError(

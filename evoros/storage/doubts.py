@@ -11,7 +11,7 @@ from evoros.storage.layout import MISSIONS
 
 STILL = 0.1  # maximum distance of a robot at rest, relative to speed limit times duration
 FIRST = 1000  # number of missions in which the distances of other robots are examined
-CAUGHT = 0.8  # mean share of avoiding decisions above which a warning appears
+CAUGHT = 0.8  # mean fraction of decisions that avoid something, above which a warning appears
 _EASIER = "try an easier world or failure"
 Row = Mapping[str, str]
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from evoros.evolution.experiment import Experiment
     from evoros.mission.member import Member
 
-_DRAWS = 20  # number of sampled draws of which the filters are listed
+_DRAWS = 20  # number of sampled draws whose filters are listed
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def _list_filters(failure: Failure, channels: Channels) -> Iterator[Filter]:
 
 @dataclass(frozen=True)
 class Part:
-    """The area in top view of one of the robot's shapes."""
+    """The area that one of the robot's shapes covers in top view."""
 
     link: str
     vertices: tuple[Point, ...]  # [m], convex polygon in the robot frame: x forward, y left
@@ -103,7 +103,7 @@ class Beam:
     range_min_m: float
     range_max_m: float
     period_s: float  # sampling period
-    bearings_deg: tuple[float, ...] = ()  # each range's, left positive; empty if single
+    bearings_deg: tuple[float, ...] = ()  # one per range, left positive; empty for one range
     radiation: str = "ultrasound"  # radiation type in ROS messages
     price: float = 0.0
 
@@ -138,7 +138,7 @@ class FigureContext:
     beams: Mapping[str, Beam]  # keyed by sensor type
     regions: Mapping[str, Area]
     mirrored: bool
-    rings: tuple[Ring, ...]  # rings of spatial damage, smallest first; empty without spatial damage
+    rings: tuple[Ring, ...]  # rings of spatial damage, smallest first; empty if there are none
     modes: tuple[str, ...]  # names of modes, counted from 1 in the column ``mode`` of trajectories
     courses: Mapping[str, Course]  # keyed by world
     drive: Mapping[str, float] = field(default_factory=dict)  # the drive as sent to programs

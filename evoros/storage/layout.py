@@ -21,7 +21,7 @@ from evoros.files.disk import LARGE, SMALL, hash_regular, read_regular
 from evoros.files.nested import parse_json
 
 DIGEST = "digest"  # last column of a sealed table, and last field of a sealed JSON file
-SIZE = 16  # number of characters of a digest
+SIZE = 16  # length of a digest [characters]
 _BLANK = b"-" * SIZE
 
 
@@ -62,7 +62,7 @@ def seal_json(name: str, content: Mapping[str, Any]) -> str:
 
 
 def unseal_json(name: str, content: bytes, others: Iterable[str] = ()) -> dict[str, Any]:
-    """Return the object in a sealed JSON file, without digest; ValueError if damaged."""
+    """Return the object in a sealed JSON file, without digest; raise ValueError if damaged."""
     fields = parse_json(content)
     begin = content.rfind(b'"digest": "') + len(b'"digest": "')
     blank = content[:begin] + _BLANK + content[begin + SIZE :]
@@ -94,7 +94,7 @@ REQUIREMENTS, JUNIT, SUMMARY = "requirements.csv", "junit.xml", "requirements.md
 DAMAGED = "damaged"  # folder for copies of damaged files that resuming has repaired
 # Fields of the manifest:
 OVERRIDES = "overrides"  # typed by the user
-CONFIG_DIR = "config_dir"  # the user's configuration folder; null without one
+CONFIG_DIR = "config_dir"  # the user's configuration folder; null if there is none
 SECRETS = "secrets"  # digests of potentially secret values, by dotted key
 SWEEP = "sweep"  # sweep folder of the run; null for a single run
 COLUMNS = "columns"  # columns of ``missions.csv`` without the digest
@@ -113,7 +113,7 @@ def name_parts(path: Path, config_dir: str | None = None) -> tuple[str, ...]:
 
 
 def replay_command(path: Path, columns: Mapping[Any, object], option: Sequence[str]) -> str:
-    """Return the command that replays a mission; ``option`` sets the configuration folder."""
+    """Return the command that replays a mission; ``option`` comes from ``name_parts``."""
     values = [f"{name}={value}" for name, value in columns.items()]
     return shell_line("evoros", "replay", str(path), *values, *option)
 
@@ -168,7 +168,7 @@ _STATUS = {**dict.fromkeys(("state", "reason", "run", "updated"), _TEXT), "proce
 
 
 def unseal(name: str, content: bytes) -> dict[str, Any]:
-    """Return the fields of a sealed file; ValueError if it is damaged or a type is wrong."""
+    """Return the fields of a sealed file; raise ValueError for damage or a wrong type."""
     fields = unseal_json(name, content, (MANIFEST, STATUS))
     kinds, other = (_MANIFEST, None) if name == MANIFEST else (_STATUS, _NUMBER_OR_NULL)
     for key, value in fields.items():

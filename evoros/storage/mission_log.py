@@ -149,7 +149,7 @@ class MissionLog:
             raise self.refuse(name, "replaying the run gives a table that differs from the record")
 
     def require_conditions(self, mission: Mission, recorded: str) -> None:
-        """Check that the draws and the case of a mission are as recorded."""
+        """Check that the random draws and the failure case of a mission are as recorded."""
         if recorded != mission.conditions:
             raise self.refuse(
                 layout.MISSIONS,
@@ -165,7 +165,7 @@ class MissionLog:
         )
 
     def make_folder(self, folder: Path) -> None:
-        """Create a folder inside this folder; FileNotFoundError if this one has been deleted."""
+        """Create a folder in this one; raise FileNotFoundError if this one has been deleted."""
         if not self.table.path.exists():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self.table.path))
         make_folder(folder)

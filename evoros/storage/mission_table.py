@@ -1,4 +1,4 @@
-"""The open, locked table of missions of a run, and the offsets of its rows."""
+"""The open and locked mission table of a run, and the offsets of its rows."""
 
 import csv
 import hashlib

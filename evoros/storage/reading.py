@@ -67,7 +67,7 @@ class Run:
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     def champion_file(self, name: str, agent: str = "") -> Path:
-        """Return the path of a file of the champion, or of the champion's agent."""
+        """Return the path of a file of the champion, or of one of its agents."""
         folder = self.path / "champion"
         return (folder / "agents" / agent if agent else folder) / name
 

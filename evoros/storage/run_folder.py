@@ -68,7 +68,7 @@ class RunFolder(MissionLog):
         return 0, self._ids[row["source"], row["design"]], row["world"], int(row["trial"])
 
     def read_mission(self, row: Mapping[str, str]) -> Recorded:
-        """Read a mission from a row; ValueError or KeyError for a row of another version."""
+        """Read a mission from a row; raise ValueError or KeyError if another version wrote it."""
         return (
             self._read_key(row),
             name_conditions(row["draws"], row.get(tables.CASE, "")),
@@ -174,13 +174,13 @@ class RunFolder(MissionLog):
             row = self.table.read_row(place, dict)
             return row["purpose"] == SELECTION and int(row["generation"]) < generations
 
-        # keep rows from an earlier or later end of an extended search
+        # keep rows written when an extended search ended after fewer or more generations
         unwanted = set(self.rows.find_unwanted())
         self.finish(order, set(filter(selects, unwanted)) if extended else unwanted)
         self.rows = self._locate()
 
     def write_champions(self, champions: Champions) -> None:
-        """Write the files of several champions; replace files from an earlier end of the search."""
+        """Write the files of several champions, which replace those from before an extension."""
         if len(champions.designs) < 2 and not (self.path / champion_files.CHAMPIONS).is_dir():
             return
         for name, content in champion_files.champions_files(champions).items():

@@ -14,7 +14,7 @@ from evoros.storage.layout import DESIGN_FILE
 
 KEY, STATUS_KEY = "rows", "run"  # names of the key in the manifest's digests and in ``status.json``
 FREE = (*protocol.FREE, "figures", "record")  # configuration keys without effect on mission rows
-_OWN_HASHES = "configuration"  # prefix of the names of digests that include the executor
+_OWN_HASHES = "configuration"  # name prefix of digests that include the executor
 _CALL = re.compile(r"(?<!\\)\$\{[\w.-]+:")  # resolver calls in recorded files refer to secrets
 
 

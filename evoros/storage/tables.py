@@ -42,7 +42,7 @@ def list_further(parts: bool, walkers: bool, shortest: bool) -> tuple[str, ...]:
 
 
 def list_further_in(scenario: "Scenario", parts: bool = False) -> tuple[str, ...]:
-    """List a scenario's additional columns of missions; ``parts`` forces columns on parts."""
+    """List a scenario's additional mission columns, with those on failed parts if ``parts``."""
     parts = parts or bool(scenario.failure.parts)
     return list_further(parts, scenario.any_walkers, scenario.states_shortest)
 
@@ -76,18 +76,18 @@ def cell(value: object) -> str:
 
 
 def mission_row(mission: Mission, outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
-    """Return the cells of a mission in ``missions.csv``, without a case."""
+    """Return the cells of a mission in ``missions.csv``, except its failure case."""
     return [*mission.key, mission.purpose, mission.draws, *outcome_cells(outcomes, further)]
 
 
 def outcome_cells(outcomes: Outcomes, further: Sequence[str] = ()) -> list[object]:
-    """Return the cells of the outcomes of all robots."""
+    """Return the cells for all robots' outcomes."""
     columns = (*OUTCOME_COLUMNS, *further)
     return [getattr(outcome, name) for outcome in outcomes for name in columns]
 
 
 def list_further_of(parts: bool, outcomes: Outcomes) -> tuple[str, ...]:
-    """List the additional columns of the outcomes of a mission."""
+    """List the additional columns for a mission's outcomes."""
     walkers = any(outcome.touched_walkers is not None for outcome in outcomes)
     return list_further(parts, walkers, any(one.shortest_m is not None for one in outcomes))
 

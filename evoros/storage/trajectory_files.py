@@ -45,7 +45,7 @@ def loaded_robot_file(design: int, agent: str = "") -> Path:
 
 
 def world_file(world: str, draws: str | None) -> Path:
-    """Return the path of a world; ``draws`` is the mission's key of draws if it is sampled."""
+    """Return a world's path; ``draws`` is the mission's key of draws if the world is random."""
     name = world if draws is None else f"{world}_{draws.replace('/', '_')}"
     return Path(WORLDS, f"{name}.sdf")
 

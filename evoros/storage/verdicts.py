@@ -102,7 +102,7 @@ def _name_design(row: Row) -> str:
 
 
 def read_verdicts(folder: Path) -> Sequence[Row]:
-    """Read the verdicts of a finished evaluation; empty without requirements."""
+    """Read the verdicts of a finished evaluation; empty if it has no requirements."""
     path = folder / REQUIREMENTS
     return read_rows(path) if path.is_file() else []
 

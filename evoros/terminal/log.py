@@ -22,7 +22,7 @@ _READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evo
 _ONCE = (*_READERS, "evoros.preflight.", "evoros.config.")  # recur in many jobs of a sweep
 LOGGER = logging.getLogger("evoros")
 
-_JOB: ContextVar[str] = ContextVar("job", default="")  # folder of messages' job; empty: one, or all
+_JOB: ContextVar[str] = ContextVar("job", default="")  # folder of a sweep's job; empty outside
 _LOCK = Lock()
 _PROGRESS = "is_progress"  # attribute of log records about progress
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all except tabs and newlines

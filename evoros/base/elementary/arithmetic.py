@@ -20,7 +20,7 @@ def nearest(x: float) -> float:
 
 @inlined
 def scale(x: float, k: int) -> float:
-    """Return x 2**k, for k from -1080 to 1080."""
+    """Return x * 2**k, for k from -1080 to 1080."""
     # two factors avoid intermediate under- and overflow
     half = k >> 1
     return x * float(_POWERS[half + _HALFWAY]) * float(_POWERS[k - half + _HALFWAY])
@@ -44,7 +44,7 @@ def split(a: float) -> tuple[float, float]:
 
 @inlined
 def multiply(a: float, b: float) -> tuple[float, float]:
-    """Return a b and its rounding error (Dekker's product)."""
+    """Return a * b and its rounding error (Dekker's product)."""
     product = a * b
     a1, a2 = split(a)
     b1, b2 = split(b)

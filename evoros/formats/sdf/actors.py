@@ -27,7 +27,7 @@ _KINDS = ("revolute", "continuous", "prismatic", "screw", "universal", "ball", "
 _FREE_RAD = 100.0  # minimum range [rad] of a joint that turns endlessly, such as a wheel's
 _WHEEL = re.compile(r"wheel|tire|tyre|roue|rad_|caster", re.IGNORECASE)
 _DOOR = re.compile(r"door|gate|hatch|window|drawer|elevator", re.IGNORECASE)
-_UPRIGHT = 0.8  # minimum cosine between the vertical and the axis of a door or steering joint
+_UPRIGHT = 0.8  # minimum |cosine| of the angle between a door or steering axis and the vertical
 _THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest side
 
 

@@ -26,7 +26,7 @@ from evoros.terminal.activity import announce
 
 _MINUTE = 1.4e7  # work on meshes (see ``divide_mesh``) that takes a minute, with further handling
 _MOST_WORK = 2e6  # maximum work on one mesh; most buildings need less
-REACH_M = 30.0  # distance [m] from the course, times ``mesh_effort`` > 1, where meshes stay coarse
+REACH_M = 30.0  # distance [m] from the course beyond which meshes stay coarse; grows with effort
 HIGH_M = 0.6  # height [m] above which few robots reach or see
 
 

@@ -51,7 +51,7 @@ def find_uri(shape: Element) -> Element | None:
 
 
 def add_absence(element: Element, uri: str, reading: Reading) -> None:
-    """Record that the address in an element leads nowhere."""
+    """Record that no file was found at the address in an element."""
     problem, remedy = reading.addresses.explain(uri, reading.folder_of(element))
     kind = "model" if element.tag == "include" else "mesh"
     sentence = f"{xml.locate(element)} {problem}"
@@ -123,7 +123,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
 
 
 def _find_model(uri: str, beside: Path, reading: Reading) -> Path | None:
-    """Return the SDF file at an address; ``x.model`` in SDF 1.0 may be called ``x`` since."""
+    """Return the SDF file at an address; ``x.model`` of SDF 1.0 may now be ``x``."""
     old = re.fullmatch(r"([^/]+)\.(model|light)", uri)
     for address in (uri, f"model://{old[1]}") if old else (uri,):
         place = reading.addresses.find(address, beside, lambda p: _find_sdf(p, reading) is not None)

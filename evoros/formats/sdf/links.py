@@ -121,7 +121,7 @@ class Link:
     path: Path
     element: Element
     solids: tuple[Solid, ...]
-    inertia: Inertia | None  # None: static
+    inertia: Inertia | None  # None for a static link
     held: bool = False  # whether a link of a movable model is immobile
 
 

@@ -1,7 +1,7 @@
 """The options and the state of an SDF reader, and the lookup of files named in SDF.
 
-A file may be given by model://, package://, file://, a Fuel address or a path; models of Gazebo
-Fuel are looked up in Fuel's local cache.
+A file may be given by model://, package://, file://, a Fuel address or a path; Gazebo Fuel
+models are looked up in Fuel's local cache.
 """
 
 import hashlib
@@ -84,7 +84,7 @@ class Addresses:
         return place
 
     def explain(self, uri: str, beside: Path) -> tuple[str, Remedy]:
-        """Return why an address leads nowhere, and the remedy."""
+        """Return the reason why no file was found at an address, and advice on obtaining it."""
         if (uri, beside) not in self._explained:
             self._explained[uri, beside] = self._explain(_normalize(uri), beside)
         return self._explained[uri, beside]
@@ -291,7 +291,7 @@ class Reading:
     options: SdfOptions
     source: str  # name of the world file in messages
     notes: Notes = field(default_factory=lambda: Notes(LOG))
-    digests: dict[Path, bytes] = field(default_factory=dict)  # all files except the world's
+    digests: dict[Path, bytes] = field(default_factory=dict)  # digest of each file but the world's
     # keyed by address and folder
     models: dict[tuple[str, Path], Path | None] = field(default_factory=dict)
     meshes: dict[MeshFile, tuple[Shape, ...]] = field(default_factory=dict)

@@ -52,7 +52,7 @@ class SolidsReader:
     def __init__(self, missing: str) -> None:
         self.missing = missing
         self.empty: dict[str, InputError] = {}
-        """Errors of shapes of size 0, by link, in case a link requires the shape."""
+        """Errors for shapes of size 0, by link, in case a link requires the shape."""
         self.mesh_notes = Notes(_LOG)
         self._turning: set[str] = set()
         self._divided = 0

@@ -32,7 +32,7 @@ MANUAL, AUTO = 0, 10
 CENTRE_US, SPAN_US = 1500, 500
 STEERING_SERVO, THROTTLE_SERVO = 0, 2
 AVOIDING, NAVIGATING = 1, 2
-BEYOND_M = 1.0  # distance [m] past its range that a silent sonar reports; its last value would stay
+BEYOND_M = 1.0  # distance [m] past its range that a silent sonar reports, to clear the last value
 ASKED_AT_ONCE, ANSWER_S = 5, 2.0  # parameters per request, and simulated time limit for answers
 
 
@@ -52,7 +52,7 @@ class ArduPilotPilot:
         self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
         finders = ardupilot_parameters.list_range_finders(robot)
         self._nothing_seen = [float(sensor.range_max_m) for _, sensor in finders]
-        # Index of the reading of each range finder, and the value to report without a reading.
+        # Index of the reading of each range finder, and the value to report if it is silent.
         self._finders = [
             (robot.layout[mount].start, limit + BEYOND_M)
             for (mount, _), limit in zip(finders, self._nothing_seen, strict=True)
@@ -146,7 +146,7 @@ class ArduPilotPilot:
     def _wait(
         self, what: str, is_done: Callable[[], bool], ask: Callable[[], None] | None = None
     ) -> None:
-        """Simulate rest until ``is_done``; send a heartbeat and ``ask`` every simulated second."""
+        """Keep the robot at rest until ``is_done()``, and call ``ask`` every simulated second."""
         for frame in range(math.ceil(self._settings.warm_up_s / self.period_s)):
             if frame % self._second == 0:
                 self._station.send_heartbeat()

@@ -26,7 +26,7 @@ LAYOUTS = {
     size.size: (size, magic)
     for size, magic in ((struct.Struct("<HHI16H"), 18458), (struct.Struct("<HHI32H"), 29569))
 }
-"""Layout (magic, rate [Hz], frame, widths [us]) and magic number of a packet, keyed by length."""
+"""Layout (magic, rate [Hz], frame, widths [us]) and magic number of packets, by their length."""
 WIDTHS = 3  # index of the first pulse width in a packet
 LONGEST = 4096
 LOOK_US = 50_000  # interval [us] of checks that the process runs while waiting for a packet

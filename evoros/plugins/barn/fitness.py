@@ -70,7 +70,7 @@ def score_mission(outcome: Outcome, speed_mps: float = 2.0) -> float:
 
 
 def share_way(outcome: Outcome) -> float:
-    """Return the fraction (0 to 1) of the shortest path by which the goal has come closer."""
+    """Return the robot's progress to the goal as a fraction (0 to 1) of the shortest path."""
     if outcome.completed:
         return 1.0
     if outcome.shortest_m is None or not outcome.least_waypoint_distances_m:

@@ -43,7 +43,7 @@ class UserModules:
         self._archive: Shared | None = None
 
     def pack(self) -> Shared | None:
-        """Return an archive of all modules imported so far; None without modules."""
+        """Return an archive of all modules imported so far; None if there are none."""
         with self._lock:
             if len(sys.modules) != self._known:
                 self._known = len(sys.modules)

@@ -86,7 +86,7 @@ class DaskTransport:
 
     @property
     def workers(self) -> int:
-        """The number of threads of all suitable workers."""
+        """The total number of threads in suitable workers."""
         return sum(n for address, n in self._threads.items() if address not in self._excluded)
 
     def send(
@@ -153,7 +153,7 @@ class DaskTransport:
             self._out.discard(sending)
 
     async def _try_twice(self, sending: Sending) -> RawAnswer:
-        """Try a call until it has lost too many workers, then once more as the only suspect."""
+        """Try a call until it has lost too many workers, then again without other suspects."""
         # Dask attributes the loss of a worker to all calls that ran or waited on that worker.
         with suppress(KilledWorker):
             return await self._persist(sending)

@@ -35,7 +35,7 @@ class Transport(Protocol):
         """
 
     def exclude(self, node: str, reason: str) -> None:
-        """Stop sending calls to an unsuitable worker, and log why; RunStopped if none is left."""
+        """Stop sending calls to a worker, and log why; raise RunStopped if it was the last."""
 
     def stop(self, pool: str) -> None:
         """Make the workers end the calls of a pool."""

@@ -47,7 +47,7 @@ class Champion:
     robot: Element  # robot description with the sensors
     shown: Urdf  # the description that engines loaded, with the root on the ground
     sensors: tuple[MountedSensor, ...]
-    centre_m: Triple | None  # centre of mass in the robot's frame; None without masses
+    centre_m: Triple | None  # centre of mass in the robot's frame; None if the robot has no masses
     self_sights: pd.DataFrame  # rows of self_sight.csv: sensors that see the robot
     values: Mapping[str, Any]  # configuration by dotted key, with the evolved values
 

@@ -148,7 +148,7 @@ def _is_ardupilot(champion: Champion) -> bool:
 
 
 def list_flown(champion: Champion) -> Iterator[str]:
-    """Yield lines with the ArduPilot parameters of the missions; fixed ones are commented out."""
+    """Yield a line for each ArduPilot parameter set in missions, as a comment unless evolved."""
     if not _is_ardupilot(champion):
         return
     evolved = {key for _, key, _ in champion.genes}
@@ -193,10 +193,10 @@ def _round(metres: float) -> float:
 def write_ardupilot_file(
     finders: Iterable[RangeFinder], head: Iterable[str], flown: Iterable[str], metres: bool
 ) -> str:
-    """Return a parameter file with comment lines ``head``; ``flown`` lines come last.
+    """Return the text of an ArduPilot parameter file for range finders.
 
-    If ``metres`` (ArduPilot 4.7 and later), ranges are _MIN and _MAX [m], otherwise _MIN_CM and
-    _MAX_CM.
+    It starts with ``head`` as comments, and ends with ``flown``, the lines from ``list_flown``.
+    If ``metres`` (from ArduPilot 4.7 on), ranges are _MIN and _MAX [m], else _MIN_CM and _MAX_CM.
     """
     lines = [f"# {line}" if line else "#" for line in head]
     for finder in finders:

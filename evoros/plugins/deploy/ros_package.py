@@ -39,7 +39,7 @@ class PackageOptions:
     name: str
     maintainer: str  # NAME <ADDRESS>
     license: str
-    imu_m: Triple | None  # origin of ArduPilot's body frame; None: centre of mass
+    imu_m: Triple | None  # origin of ArduPilot's body frame; None for the centre of mass
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name) or len(self.name) < 2:

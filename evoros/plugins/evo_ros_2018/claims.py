@@ -122,7 +122,7 @@ def _report_pooled(study: Study) -> Iterator[str]:
 
 
 def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
-    """Return the swing of the heading [deg] about the course at each turning point.
+    """Return the swing [deg] of the heading about the course at each turning point.
 
     Only sections in ``mode`` between two waypoints are used. A swing is the distance of an extremum
     from the mean of its two neighbours, so steady turns do not count. The swing of ``A sin(w t) + c
@@ -172,7 +172,7 @@ def read_gains(record: Record) -> pd.DataFrame:
 
 
 def judge_gain(table: pd.DataFrame, line: str) -> finding.Finding:
-    """Test the fraction of the gain reached early; ``table`` is from ``read_gains``."""
+    """Test which fraction of the gain is reached early; ``table`` is from ``read_gains``."""
     claim = GAIN[line]
     names = [f"{line}_{name}" for name in ("first", "early", "last")]
     # an empty table has no columns
@@ -221,7 +221,7 @@ def judge_approach(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> finding.Finding:
-    """Test the median over runs of the median swing; ``table`` has ``run`` and ``swing_deg``."""
+    """Test the median of the runs' median swings; ``table`` has ``run`` and ``swing_deg``."""
     if table.empty:
         return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
     medians = table.groupby("run").swing_deg.median()

@@ -93,13 +93,13 @@ class Shares:
 
     champions: small_samples.Interval
     n: int  # number of champions
-    random: float  # fraction of the random designs; NaN without random designs
+    random: float  # fraction of the random designs; NaN if there are none
     difference: small_samples.Interval
     p: float  # p-value of Fisher's exact test
     why: str
 
     def conclude(self, claim: finding.Claim, verdict: str, bound: float) -> finding.Finding:
-        """Return the finding on a claim; without random designs, its verdict is ``verdict``."""
+        """Return the finding on a claim, supported only if champions differ from random designs."""
         if self.p < small_samples.LEVEL and self.difference.value < 0:
             verdict = finding.NOT_SUPPORTED
         rare = self.p < small_samples.LEVEL
@@ -125,7 +125,7 @@ def _compare_shares(table: pd.DataFrame, kind: str, having: "pd.Series[bool]") -
 
 
 def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
-    """Test whether champions without symmetry differ more, relative to random designs."""
+    """Test whether, relative to random designs, free champions differ more than mirrored ones."""
     ratios = []
     for table in (free, mirrored):
         champions, drawn = (
@@ -144,7 +144,7 @@ def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.
 
 
 def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> finding.Finding:
-    """Test whether populations without symmetry stay more diverse; see ``read_diversity``."""
+    """Test whether free populations stay more diverse than mirrored ones (``read_diversity``)."""
     ratios = [(table["last"] / table["first"]).to_numpy(float) for table in (free, mirrored)]
     if min(map(len, ratios)) < 2:
         return WITHIN.lack(_missing_runs(mirrored, free))

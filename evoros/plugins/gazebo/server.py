@@ -75,7 +75,7 @@ class Library(NamedTuple):
 
 @cache
 def find_library() -> Library:
-    """Return the newest release of which all libraries are installed."""
+    """Return the newest release whose libraries are all installed."""
     for program in ("pkg-config", "g++"):
         if shutil.which(program) is None:
             raise InputError(f"simulator=gazebo: program {program} not found; {INSTALL}")
@@ -135,7 +135,7 @@ def _compile(server: Path, library: Library) -> None:
         os.replace(made, server)
 
 
-_REQUEST = struct.Struct("=iiiiq")  # operation, number, steps, feeling, size
+_REQUEST = struct.Struct("=iiiiq")  # operation, simulation, steps, 1 to list contacts, size
 _ANSWER = struct.Struct("=qq")  # 1 for an error, size of the answer
 _READ_BYTES = 1 << 16
 

@@ -77,7 +77,7 @@ POSE, VELOCITY, TURNING, TOUCHED, ANGLES = slice(7), slice(7, 10), slice(10, 13)
 """A robot in an answer: pose of the root link (x, y, z, w, i, j, k), velocity [m/s], angular
 velocity [rad/s], 1 after a contact since the last answer, wheel and steering angles [rad].
 """
-BODY_SIZE = 7  # number of values of a movable body's pose
+BODY_SIZE = 7  # number of values in a movable body's pose
 ROBOT, STEP, SHAPE, OTHER, AT = 0, 1, 2, 3, slice(4, 6)
 """Columns of a contact: robot, step, both shapes, and x, y [m] in the robot's frame."""
 FELT_SIZE = 6
@@ -198,7 +198,7 @@ class Vehicle:
         self._touched = False
 
     def read(self, values: Array, signals: Array) -> None:
-        """Write the signals of all sensors but range sensors."""
+        """Write the readings of all sensors except range sensors into ``signals``."""
         if self.signals.exist:
             own = values[self.start : self.end]
             x, y, z, qw, qx, qy, qz = own[POSE].tolist()

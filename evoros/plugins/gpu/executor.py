@@ -106,7 +106,7 @@ class Joining:
 
 
 GPU, CPU = "gpu", "cpu"  # devices: an NVIDIA GPU, or the CPU running the same kernel in tests
-ON_CPU, STOP = "cpu", "stop"  # fallbacks without a GPU: missions on the CPU, or an end of the run
+ON_CPU, STOP = "cpu", "stop"  # if no GPU is usable: run missions on the CPU, or stop the run
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ class Row:
     high: str  # upper bound of the fitness
     completed: str  # fraction of these trials that were completed
     overrides: str  # arguments of ``evoros`` as typed in a shell
-    config_dir: str  # folder in the repository with the search's parts; empty without such parts
+    config_dir: str  # folder in the repository with the search's parts; empty if it has none
     version: str  # version of evoros
     digest: str  # SHA-256 of the run's files that the overrides determine
 

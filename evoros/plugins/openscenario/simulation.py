@@ -33,7 +33,7 @@ MISSION, TRAJECTORY = "mission.csv", "trajectory.csv"  # files in a scenario's o
 
 @dataclass(frozen=True)
 class Setting:
-    """The inputs of the mission of a scenario file."""
+    """The inputs of a scenario's mission."""
 
     scenario: Scenario
     mission: Mission

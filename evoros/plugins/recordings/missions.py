@@ -63,7 +63,7 @@ class RecordedMission:
     route: Array = field(default_factory=lambda: np.empty((0, 2)))  # (legs, 2) [m], as driven
     faults: Sequence[ShownFault] = ()
     part_failures: Sequence[tuple[str, float, str]] = ()  # part, onset [s] and effect
-    near_m: float | None = None  # range of highlighted readings; None: half the maximum
+    near_m: float | None = None  # range of highlighted readings; None for half the maximum
     others: Mapping[str, "RecordedMission"] = field(default_factory=dict)  # same mission, by name
     walkers: Sequence[readings.WalkerTrack] = ()
 

@@ -12,7 +12,7 @@ from evoros.base.errors import require_extra
 from evoros.files.resources import expand_home
 from evoros.observers.protocol import ObservedEnd, ObservedRun, Observer, Send
 
-DIGEST, CONFIGURATION = "evoros/digest", "configuration"  # tags: digest of a sent end, all values
+DIGEST, CONFIGURATION = "evoros/digest", "configuration"  # tags: digest of the run's end, values
 SHOWN_BYTES = 100_000  # maximum size [bytes] of a champion file to display
 
 

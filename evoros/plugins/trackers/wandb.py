@@ -152,7 +152,7 @@ def _note(generations: int, digest: str = "") -> dict[str, Any]:
 
 
 def _read_note(path: Path) -> dict[str, Any]:
-    """Read the note of an offline run; -1 generations for an incomplete run."""
+    """Read the note of an offline run; it has -1 generations if the run is incomplete."""
     try:
         note = json.loads((path / NOTE).read_text(encoding="utf-8"))
         return _note(int(note["generations"]), str(note["digest"]))

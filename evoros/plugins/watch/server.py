@@ -101,7 +101,7 @@ def render_progress(look: Look, trouble: str) -> Markup:
 
 
 def describe_state(runs: Sequence[Overview]) -> str:
-    """Return a common state of all runs: running first, then unfinished states."""
+    """Return the first of these states that any run has: running, unfinished states, finished."""
     states = [run.state for run in runs]
     ordered = (RUNNING, *(state for state in states if state != FINISHED), FINISHED)
     return next((state for state in ordered if state in states), "waiting")

@@ -161,7 +161,7 @@ def show_faults(top: Entities, robot: ShownRobot, mission: RecordedMission) -> N
 
 
 def show_sensor(top: Entities, sensor: RecordedSensor, shown: ShownSensor, times: Array) -> None:
-    """Log each change in the readings of a sensor at ``times`` (n,) [s]."""
+    """Log the readings of a sensor, taken at ``times`` (n,) [s], whenever they change."""
     _plot(top.below("readings", sensor.link), sensor, times)
     if shown.view is None or not isinstance(sensor.kind, Beam):
         return

@@ -114,7 +114,7 @@ def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
 def film_champion(
     run: Run, world: str, trajectory: pd.DataFrame, options: RenderOptions | None = None
 ) -> bytes:
-    """Return an MP4 video of a mission of a run's champion, such as a replayed mission.
+    """Return an MP4 video of a champion's mission, which may have been replayed.
 
     ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``. If the world is redrawn for
     each mission, the video shows the world of the champion's first mission.

@@ -87,7 +87,7 @@ CUT_M = 0.6  # height [m] at which obstacles are cut off, because taller ones wo
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
 _THIN_M = 1e-4  # thickness [m] below which a cut polyhedron is shown uncut
 _OVERSAMPLING = 2  # rendered pixels per pixel of the picture, in each direction
-_AROUND_M = 8.0  # margin [m] of the ground around the mission
+_AROUND_M = 8.0  # margin [m] of the painted ground around the path and the course
 _TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum widths of the path [m, px]
 
 

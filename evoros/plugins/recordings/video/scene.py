@@ -33,7 +33,7 @@ _FILL = types.void(
     types.Array(types.uint8, 3, "C"),
 )
 UNPAINTED = (0.6, 0.6, 0.6)  # default colour
-MOST_FACES, _MIN_FACES = 24_000, 400  # triangles: about the most of a robot, the fewest of a mesh
+MOST_FACES, _MIN_FACES = 24_000, 400  # triangles: about the maximum of a robot, minimum of a mesh
 _FINEST, _COARSER = 1 / 400, 1.25  # first cell size, relative to a mesh's extent, and its growth
 
 

@@ -20,7 +20,7 @@ COMMANDS = {
 """Path to the command in each type of command message."""
 STEADY = 10  # consecutive checks that must find all nodes at rest; starting nodes may sleep briefly
 PAUSE_S = 0.005  # pause [s] between checks while nodes start
-OWN_SHARE = 0.8  # fraction of a wall-clock limit after which this process exits with a reason
+OWN_SHARE = 0.8  # fraction of a time limit after which this process exits, so that it can say why
 
 
 class Tick(NamedTuple):
@@ -149,7 +149,7 @@ class Schedule:
 
 
 def check_publisher(topic: str, names: list[str], kind: str, kinds: tuple[str, ...]) -> None:
-    """Raise a ValueError unless a topic has a single publisher, of one of the types ``kinds``."""
+    """Raise a ValueError unless a topic has one publisher and its message type is in ``kinds``."""
     if len(names) > 1:
         raise ValueError(
             f"{topic}: must have one publisher, not {len(names)} ({', '.join(names)}), "

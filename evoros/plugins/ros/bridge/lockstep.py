@@ -37,7 +37,7 @@ def fly_mission(
         mission.fly()
     except Hidden as error:
         conversation.fail(f"controller.nodes: {error}")
-    os._exit(0)  # does not wait for threads of ROS
+    os._exit(0)  # does not wait for ROS threads
 
 
 class Nodes:
@@ -113,7 +113,7 @@ class Crew:
             )
 
     def require_start(self, until: float, missing: Callable[[], str | None]) -> None:
-        """After a monotonic time [s], reject the mission, naming what is missing."""
+        """Reject the mission once a monotonic time [s] has passed, and name what is missing."""
         if time.monotonic() > until:
             limit = f"{self.options['start_limit_s']:g} s"
             self._conversation.refuse(
@@ -128,7 +128,7 @@ class Crew:
             end(ended)
 
     def require_rest(self, until: float) -> None:
-        """Wait until all nodes are at rest; end the mission at a monotonic time [s]."""
+        """Wait until all nodes are at rest; at a monotonic time [s], end the mission."""
         if not self.rest.wait(until - time.monotonic()):
             end(self.unrest())
 

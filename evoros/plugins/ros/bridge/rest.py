@@ -46,7 +46,7 @@ class WatchedThread:
     """The open /proc files of a thread, and their contents when last read."""
 
     def __init__(self, pid: int, tid: int) -> None:
-        """Open the files; FileNotFoundError or ProcessLookupError if the thread has exited."""
+        """Open the files; raise FileNotFoundError or ProcessLookupError after the thread's exit."""
         self.pid, self.tid = pid, tid
         self._files: list[int] = []
         try:

@@ -201,7 +201,7 @@ class Graph:
     def receive(
         self, topic: str, kinds: tuple[str, ...], connected: Incoming | None
     ) -> Incoming | None:
-        """Connect to a topic's publisher unless already ``connected``; None without a publisher."""
+        """Return a connection to a topic's publisher; ``connected`` is the existing one, if any."""
         publishers = self._node.get_publishers_info_by_topic(topic)
         names = sorted(publisher.node_name for publisher in publishers)
         if not publishers or UNKNOWN in names:
