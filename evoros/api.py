@@ -155,7 +155,7 @@ class Evaluator:
     def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
         """Return the fitness of each design; a different ``generation`` gives fresh random draws.
 
-        A design that cannot be built raises an InputError, a lost mission a RunStopped.
+        Raises an InputError for a design that cannot be built, a RunStopped for a lost mission.
         """
         missions, outcomes = self._run(designs, generation)
         scoring = self.experiment.scoring

@@ -11,7 +11,7 @@ from evoros.base.checks import COUNT, WHOLE, checked
 @dataclass(frozen=True)
 @checked
 class SequentialHalving(Allocation):
-    """Runs new designs and the best survivors in rounds; the better half continues.
+    """Runs new designs and the best survivors in rounds, each of which keeps the better half.
 
     Each round has an equal share of the budget, so designs in later rounds get more trials each.
     Each design has at least the experiment's ``trials`` per round, even if this exceeds the budget.

@@ -22,7 +22,7 @@ class Standing:
         return not self.earlier
 
     def fitness(self, trials: int, compared: int | None = None) -> float:
-        """Combine earlier scores and the first ``trials``, as expected from ``compared`` trials."""
+        """Combine earlier and the first ``trials`` scores, as expected from ``compared`` trials."""
         return self.combine((*self.earlier, *self.scores[:trials]), compared)
 
 
@@ -57,7 +57,7 @@ def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
 
 
 def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
-    """Map the id of each design with fewer than ``trials`` trials to the number of missing ones."""
+    """Map the id of each design with fewer than ``trials`` trials to the number it lacks."""
     lacks = {standing.id: trials - len(standing.scores) for standing in standings}
     return {design: lack for design, lack in lacks.items() if lack > 0}
 

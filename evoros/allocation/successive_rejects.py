@@ -39,7 +39,7 @@ class SuccessiveRejects(Allocation):
 
 
 def _phases(designs: int, budget: int) -> Iterator[int]:
-    """Yield the number of trials of each remaining design at the end of each phase."""
+    """Yield the number of trials that each remaining design has at the end of each phase."""
     if designs <= 1:
         yield from [budget] * designs
         return

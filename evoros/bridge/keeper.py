@@ -1,14 +1,14 @@
 """A script that runs one command for a mission and kills all its descendants at the end.
 
 ``process.py`` runs the script without ``site``; its argument is the file descriptor of a socket.
-The script reads the order, one line of JSON, and sends the mission's sockets and news about the
+The script reads the order, one line of JSON, and sends the mission's sockets and messages about the
 command, one line of JSON each. When the other end closes the socket, the command and its
 descendants are killed.
 
 In isolation (a new network, process tree, mounts and shared memory), the kernel kills them when the
 first process of the namespaces ends. Otherwise, this process adopts and kills the orphans.
 bubblewrap cannot replace the script, because it has no multicast, which ROS 2 needs, and the
-sockets must exist first.
+sockets must exist before the command starts.
 
 Only the standard library is imported, because a process with threads cannot enter a new user
 namespace.
@@ -229,7 +229,7 @@ def read_status(pipe: int, code: int) -> int:
 
 
 def tell(control: socket.socket, files: list[socket.socket] | None = None, **news: object) -> None:
-    """Send a line of news with sockets; ignore a closed other end."""
+    """Send a message line with sockets; do nothing if the other end is closed."""
     ancillary = []
     if files:
         descriptors = array.array("i", [item.fileno() for item in files])

@@ -106,7 +106,7 @@ class LineConversation:
         self._pipes, self.process = pipes, pipes.process
 
     def ask(self, line: bytes, limit_s: float, time: float | None = None) -> bytes:
-        """Send a line; return the answer within ``limit_s`` [s], at the mission's ``time`` [s]."""
+        """Send a line at the mission's ``time`` [s]; wait up to ``limit_s`` [s] for the answer."""
         self._pipes.begin(limit_s, time)
         if self._pipes.has_come():  # output that was not requested
             raise self._too_much(time)

@@ -165,7 +165,7 @@ def _list_residents(home: str) -> Iterator[int]:
 
 
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
-    """Receive one line of news and up to ``sockets`` descriptors; empty after the keeper's exit."""
+    """Receive a message line and up to ``sockets`` descriptors; empty after the keeper's exit."""
     data, descriptors = b"", []
     while not data.endswith(b"\n"):
         try:

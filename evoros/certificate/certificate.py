@@ -46,7 +46,7 @@ class Certificate:
     design: int
     recorded_fitness: float  # fitness that led to the champion's selection
     recorded_trials: int
-    validated_fitness: float  # NaN without validation trials
+    validated_fitness: float  # NaN if there were no validation trials
     validated_trials: int
     confidence: float  # confidence level of each interval
     fitness_low: float  # lower end of the interval from all fresh draws; NaN if unknown
@@ -56,7 +56,7 @@ class Certificate:
     worlds: Mapping[str, Rate]
     rivals: Sequence[Rival]
     rival_advantage: float  # upper confidence bound on the best rival's advantage; NaN: unknown
-    finalists: Sequence[Finalist]  # best first; empty without a final choice
+    finalists: Sequence[Finalist]  # best first; empty if there was no final choice
     # Completion rates with a failed part other than a sensor, by part and effect (steering: stuck)
     failed_parts: Mapping[str, Rate] = field(default_factory=dict)
 

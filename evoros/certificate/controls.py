@@ -18,8 +18,8 @@ DESIGNS = Rule(
 class Controls:
     """Designs that are compared with the champion of a finished run, on the same fresh draws.
 
-    ``NO_SENSORS`` is the champion without sensors, ``RANDOM`` the best design of a random search
-    with an equal number of designs, and any other string a CSV file of hand-made designs.
+    ``NO_SENSORS`` is the champion without sensors, ``RANDOM`` the best of as many random designs
+    as the run evaluated, and any other string a CSV file of hand-made designs.
     """
 
     designs: Annotated[Sequence[str], DESIGNS] = (NO_SENSORS, RANDOM)

@@ -28,7 +28,7 @@ class FinalChoice:
 
 
 def find_finalists(final: FinalChoice, fitness: Mapping[int, float]) -> list[int]:
-    """Return the checked finalists of a final choice."""
+    """Return the finalists of a final choice, after checking them."""
 
     if not fitness:
         return []

@@ -26,7 +26,7 @@ DIGITS = 6  # decimal places of results, equal on all processors
 
 
 def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
-    """Return the exact interval of a rate (Clopper and Pearson 1934); NaN without trials."""
+    """Return a rate's exact interval (Clopper and Pearson 1934); NaN if there are no trials."""
     if not trials:
         return math.nan, math.nan
     failures, tail = trials - successes, (1 - confidence) / 2
@@ -36,7 +36,7 @@ def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
 
 
 def _find_rate(successes: int, trials: int, chance: float) -> float:
-    """Return the rate at which at least this number of successes has a given probability."""
+    """Return the rate at which at least ``successes`` successes have the probability ``chance``."""
     numbers = np.arange(successes, trials + 1)
     gammas = [math.lgamma(k + 1) + math.lgamma(trials - k + 1) for k in numbers.tolist()]
     ways = math.lgamma(trials + 1) - np.array(gammas)  # logarithms of binomial coefficients

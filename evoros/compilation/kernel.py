@@ -263,7 +263,7 @@ def link_kernel(target: Target, layout: str, run: Lowered, rules: Parts) -> Any:
 
 
 def _take(part: Any) -> Any:
-    """Return a copy of a module that computes remainders with the function of the runtime."""
+    """Return a copy of a module that computes remainders with the kernel runtime's function."""
     code, count = _REMAINDER.subn(
         r"= call double @evoros.remainder(double \1, double \2)", str(part)
     )

@@ -1,4 +1,4 @@
-"""The functions called in kernels, in LLVM's language.
+"""The functions called in kernels, in LLVM's intermediate representation.
 
 Draws follow numpy's PCG64: the 128-bit state and increment, lower words first, a flag, a half word.
 """

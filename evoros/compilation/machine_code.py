@@ -31,7 +31,7 @@ SETTINGS: dict[str, Any] = {
     # Otherwise, environment variables of one process would change code that all processes load.
     **dict.fromkeys(("DISABLE_JIT", "BOUNDSCHECK"), 0),
 }
-BORROWING: dict[str, Any] = {"_nrt": False}  # no arrays are allocated, so no references counted
+BORROWING: dict[str, Any] = {"_nrt": False}  # references are counted only for arrays
 
 LOCATOR = f"{__name__}.SharedLocator"
 RULE_ROOMS = (
@@ -63,7 +63,7 @@ class SharedLocator(UserProvidedCacheLocator):  # type: ignore[misc]
 
 
 def compile_function(function: Any, signature: Any, on_disk: bool, **options: Any) -> Any:
-    """Compile a function, or load its machine code from disk; call this in ``compiling``."""
+    """Compile a function, or load its machine code from disk; call this within ``compiling()``."""
     for waiting, inlined in take_waiting(bundled=True):
         register(waiting, waiting, inlined)
     try:
@@ -135,7 +135,7 @@ def _import_array_functions() -> None:
 
 @cache
 def cache_folder() -> Path | None:
-    """Return the folder for machine code, by a digest of the sources; None if not writable."""
+    """Return the folder for machine code, named by a digest of the sources; None if unwritable."""
     # numba checks only the file of a function, not the files of functions it calls.
     sources = _hash_reachable(tuple(PACKAGE / room for room in RULE_ROOMS))
     digest = hashlib.sha256(numba.__version__.encode() + sources.encode())

@@ -1,4 +1,4 @@
-"""Adapters that pass to a rule only those arguments of its kind that it names."""
+"""Adapters that call a rule with only the arguments that its signature names."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -11,7 +11,7 @@ VERSION = 1  # protocol version, see docs/programs.md
 
 
 def describe_briefing(briefing: Briefing) -> dict[str, Any]:
-    """Return the part of the first line to a program that depends on the mission."""
+    """Return the mission-dependent part of the first line sent to a program."""
     return {
         "evoros": VERSION,
         "robot": briefing.robot.name,
@@ -62,7 +62,7 @@ def _describe_beams(sensor: RangeSensor) -> dict[str, Any]:
 
 
 def _describe_channels(sensor: Sensor) -> dict[str, Any]:
-    """Describe the channels of a sensor; several ranges have bearings, left positive."""
+    """Describe the channels of a sensor; several ranges also have bearings, left positive."""
     if sees(sensor):
         bearings = sensor_bearings(sensor)
         return {"bearings_rad": bearings} if len(bearings) > 1 else {}

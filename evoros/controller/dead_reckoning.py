@@ -23,8 +23,8 @@ class Parameters(NamedTuple):
     """Constants of the estimator; indices refer to the readings of all sensors."""
 
     axle: float  # x of the rear axle [m]
-    speeds: Array  # index of the speed of each odometry; its yaw rate follows
-    rates: Array  # index of the first rate of each IMU
+    speeds: Array  # index of each odometry sensor's speed; its yaw rate follows
+    rates: Array  # index of each IMU's first rate
     verticals: Matrix  # (IMUs, 3), vertical axis in the frame of each IMU
 
 

@@ -22,7 +22,7 @@ from evoros.robot.model import Robot
 SHRINK = 0.8  # factor that reduces the range until there is a gap
 ROUNDS = 12
 DIRECTIONS = 181  # number of evenly spaced headings
-WIDEST = math.pi / 2  # [rad], maximum heading from straight ahead
+WIDEST = math.pi / 2  # [rad], maximum angle between a heading and straight ahead
 
 
 class Parameters(NamedTuple):
@@ -146,7 +146,7 @@ def block(parameters: Parameters, free: Array, readings: Array, limit: float) ->
 
 @compilable
 def choose(parameters: Parameters, free: Array, goal: float, nearest: float) -> float:
-    """Return the heading [rad] into the gap nearest to the goal; NaN without a gap."""
+    """Return the heading [rad] into the gap nearest to the goal; NaN if there is no gap."""
     step = 2.0 * WIDEST / (DIRECTIONS - 1)
     best, heading = math.inf, math.nan
     first = -1

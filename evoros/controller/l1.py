@@ -41,7 +41,7 @@ TURN = 2.0 * math.pi
 
 
 class Parameters(NamedTuple):
-    """Constants of the law; ``lock`` converts the output of the yaw rate controller to steering."""
+    """Constants of the guidance law and of the yaw rate controller."""
 
     cruise: float  # [m/s]
     look_ahead: float  # [s], L1 distance per speed
@@ -53,7 +53,7 @@ class Parameters(NamedTuple):
     ki_step: float  # gain times control period
     integral_limit: float  # [deg]
     output_limit: float  # [deg]
-    lock: float  # [rad/deg]
+    lock: float  # [rad/deg], steering angle per output of the yaw rate controller
     min_speed: float  # [m/s]
     interruption: float  # [s], gap between decisions that resets the integrals
     axle: float  # [m], x of the rear axle

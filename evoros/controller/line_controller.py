@@ -157,7 +157,7 @@ def _quote(answer: bytes) -> str:
 
 
 def split_command(command: Sequence[str]) -> list[str]:
-    """Split a command into words; make existing paths absolute, as it starts elsewhere."""
+    """Split a command into words; make existing paths absolute, as it starts in another folder."""
     words = shlex.split(command) if isinstance(command, str) else list(command)
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
     if "/" in program or _is_file(program):

@@ -29,7 +29,7 @@ class Parameters(NamedTuple):
     fast: float  # [m/s]
     full_lock: float  # [rad]
     limits: Array  # [m], reading of each sensor without obstacles in range
-    shares: Matrix  # (readings, 4): a sector and the share in it, another sector and its share
+    shares: Matrix  # (readings, 4): two sectors, each followed by the share in it
     hidden: Matrix  # weights of each hidden neuron
     steering: Array  # weights of the hidden neurons, after a bias unless symmetric
     speed: Array  # bias and weights of the hidden neurons

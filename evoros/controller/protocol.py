@@ -80,7 +80,7 @@ class Estimator(ControllerPart, ABC):
     def start_estimate(self, robot: Robot, period: float) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
-        ``period`` [s] is the control period. Without a sensor that it needs, it raises an
+        ``period`` [s] is the control period. A robot without the required sensors raises an
         InputError.
         """
 
@@ -144,16 +144,16 @@ class Pilot(Protocol):
 
 
 class LiveController(AnyController):
-    """A program, ROS nodes or an autopilot; gets the whole route, reports its mode, has no rule."""
+    """A program, ROS nodes or an autopilot, which receives the whole route and reports its mode."""
 
     @property
     def files(self) -> Sequence[str]:
-        """The programs, nodes and binaries of the controller, which the manifest hashes."""
+        """The controller's programs, nodes and binaries, for the digests in the manifest."""
         return ()
 
     @property
     def told_sensors(self) -> int | None:
-        """The number of leading sensors described to the program; None for all."""
+        """The number of sensors, from the first, described to the program; None for all."""
         return None
 
     @property
@@ -165,7 +165,7 @@ class LiveController(AnyController):
     def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
         """Start a new process for one mission; on exit, stop it and its children.
 
-        A missing or refusing program raises an InputError, a slow one a PilotLost.
+        A program that is missing or refuses to start raises an InputError; a slow one, a PilotLost.
         """
 
 

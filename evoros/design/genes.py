@@ -11,7 +11,7 @@ from evoros.base import checks
 from evoros.base.errors import InputError
 
 Part = TypeVar("Part")
-BOUNDS = ("low", "high")  # configuration keys of the bounds of a gene
+BOUNDS = ("low", "high")  # configuration keys of a gene's bounds
 
 # Values of a robot may evolve only if no file sets them. If worlds, failures or the simulator
 # evolved, the test would become easier instead of the robot better.
@@ -134,7 +134,7 @@ def _replace_children(part: Any, changes: dict[str, Any]) -> Any:
 
 
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
-    """Check combinations of bounds, which may conflict; ``parts`` maps first words to parts."""
+    """Check combinations of bounds, which may conflict; ``parts`` is keyed by group."""
     for corner in enumerate_corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))
         try:
@@ -165,7 +165,7 @@ def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
 
 
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
-    """Yield bounds low (0) or high (1) of ``count`` genes; if too many, at most one differs."""
+    """Yield combinations of bounds, low (0) or high (1); if too many, at most one gene differs."""
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)
         return

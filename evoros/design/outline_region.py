@@ -1,4 +1,4 @@
-"""A region along a side of a robot's outline, which suits any robot without coordinates."""
+"""A region along a side of a robot's outline, which needs no coordinates and fits any robot."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -84,7 +84,7 @@ def trace_side(outline: Array, side: str) -> SideLine:
 class OutlineRegion(protocol.RegionDescription):
     """A side of the outline of a robot, or of one of its links, at a height.
 
-    It is the outline of all shapes if there is none at that height. Sensors face outwards.
+    The outline of all shapes is used if no shape reaches that height. Sensors face outwards.
     """
 
     side: Annotated[str, one_of(*SIDES)]
@@ -162,7 +162,7 @@ class BoundOutlineRegion:
     free: FreePlaces | None = None  # None if all places are free
 
     def place(self, values: Mapping[str, float]) -> protocol.SensorPose:
-        """Return the pose at a fraction of the free length of the side, from right to left."""
+        """Return the pose at a fraction of the side's free length, from right to left."""
         if self.free is not None:
             values = self.free.adapt(values)
         height = values["z_m"] + self.frame[2]

@@ -70,7 +70,7 @@ class RegionDescription(ABC):
     ) -> BoundRegion:
         """Return this region, configured at ``key``, bound to a robot that carries ``sensors``.
 
-        If it, or its mirror image if ``mirrored``, is off the robot, it raises an InputError.
+        A region, or with ``mirrored`` a mirror image, that is off the robot raises an InputError.
         """
 
 
@@ -91,7 +91,7 @@ def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
 
 
 def require_height(link: str, robot: Robot, key: str) -> None:
-    """Raise an InputError for a missing height ``key`` of a link without a default height."""
+    """Raise an InputError for a link without a default height, for which ``key`` must be set."""
     if link != robot.mount_link:
         raise InputError(
             f"{key}: must be set for the link {link}, because the robot's default height applies "

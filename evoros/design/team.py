@@ -57,7 +57,7 @@ class TeamSpace:
 
     @property
     def slots(self) -> tuple[Block, ...]:
-        """The blocks of the placed sensors of the first robot with a design."""
+        """The blocks of sensors placed on the first robot that has a design."""
         return self._first.slots
 
     @property

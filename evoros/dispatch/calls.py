@@ -37,7 +37,7 @@ class CallAnswer(NamedTuple):
 CALL_S = 0.1
 CALLS_PER_S = 250  # maximum rate of calls in the main process; with many workers, calls are longer
 FIRST = 1  # number of missions in a call before the first timing
-GROWTH = 8  # maximum ratio of a call's number of missions to those finished in any earlier call
+GROWTH = 8  # maximum ratio of a call's missions to the missions finished in any earlier call
 MEMORY = 0.9  # weight of a call relative to the next one in the running average
 
 
@@ -92,7 +92,7 @@ def run_for_trajectory(packed: Shared, mission: Mission) -> Array:
 
 @dataclass
 class Pace:
-    """The running average of the mission times of a scenario; newer calls have more weight."""
+    """The running average of a scenario's mission times; newer calls have more weight."""
 
     missions: float = 0.0
     seconds: float = 0.0
@@ -120,7 +120,7 @@ BATCH_S = 10.0  # approximate maximum time of a batch call
 
 
 class Asked(NamedTuple):
-    """The part of a run in a call: missions, and arguments of ``run_for_outcomes``."""
+    """One run's part of a call: missions, and arguments of ``run_for_outcomes``."""
 
     missions: Sequence[Mission]
     seconds: float
@@ -148,7 +148,7 @@ def find_share(pace: Pace, missions: int, batches: Batches) -> float:
 def run_batches(batches: Batches, asked: Sequence[Asked], *packed: Shared) -> list[CallAnswer]:
     """Run the missions of several runs together, and return an answer for each run.
 
-    Missions that cannot be simulated together run one by one, and the answer has the reason. A
+    Missions that cannot be simulated together run one by one, and the answer says why. A
     RunStopped reports a broken device.
     """
     begun = perf_counter()

@@ -42,9 +42,7 @@ class MissionRecord(Protocol):
         """Record finished missions."""
 
 
-CALLS_PER_WORKER = (
-    3  # number of calls in advance, which keeps a worker busy; few are repeated after a crash
-)
+CALLS_PER_WORKER = 3  # calls submitted ahead to keep workers busy; few are repeated after a crash
 NEW_WORKERS_S = 1.0  # maximum time until new workers receive calls
 MISSIONS_OUT = 50_000  # maximum number of missions in submitted calls, which limits the memory use
 
@@ -76,7 +74,7 @@ class Dispatcher:
         record: MissionRecord,
         notify: Callable[[Mission, Outcomes], None],
     ) -> None:
-        """Run missions that ``record`` lacks; record each one, then call ``notify``."""
+        """Run the missions that are not in ``record``; record each, then call ``notify``."""
         missing = (mission for mission in missions if not record.has(mission))
         for results in self.run(scenario, missing):
             record.record(results)

@@ -209,7 +209,7 @@ GIVEN = (
 @dataclass(frozen=True)
 @checked
 class AutomaticDescription(protocol.DriveDescription):
-    """Detects wheels, steering joints and casters, except for values given by the user."""
+    """Detects wheels, steering joints and casters, except those given by the user."""
 
     steering_joints = ()  # unknown until ``choose``, as are the wheels
     wheel_joints = ()

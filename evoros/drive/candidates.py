@@ -12,7 +12,7 @@ from evoros.drive.rolling import Candidate, Pair, Wheel, group_shapes, measure_w
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 
-ALIGNED = elementary.cos(math.radians(5.0))  # minimum cosine between axes that are parallel
+ALIGNED = elementary.cos(math.radians(5.0))  # minimum cosine of the angle between parallel axes
 NEARLY_ALIGNED = elementary.cos(math.radians(20.0))
 """Minimum cosine of the angle between a wheel axis and the robot's lateral axis."""
 TURNING = ("continuous", "revolute")
@@ -42,7 +42,7 @@ def read_wheel(urdf: Urdf, name: str) -> Candidate:
 
 
 def _list_round(urdf: Urdf, casters: bool = False) -> Iterator[tuple[Joint, float, Wheel]]:
-    """Yield each round part: joint, |cosine| of its axis to the lateral axis, wheel."""
+    """Yield each round part: joint, |cosine| of the angle from its axis to lateral, wheel."""
     for joint in urdf.joints.values():
         driven = joint.name in urdf.actuated
         names = [name for j in urdf.joints_above(joint.child) for name in (j.name, j.child)]
@@ -54,7 +54,7 @@ def _list_round(urdf: Urdf, casters: bool = False) -> Iterator[tuple[Joint, floa
 
 
 def find_candidates(urdf: Urdf, casters: bool = False) -> list[Candidate]:
-    """Return parts that look like wheels and touch the ground; include casters if ``casters``."""
+    """Return parts that look like wheels and touch the ground; casters only if ``casters``."""
     candidates: dict[str, Candidate] = {}
     for joint, along, wheel in _list_round(urdf, casters):
         turns = joint.type in TURNING
@@ -193,7 +193,7 @@ def default_bicycle(pairs: Sequence[Pair]) -> dict[str, float]:
 
 
 def find_flaw(urdf: Urdf, joint: Joint) -> str:
-    """Return why a turning joint carries no wheel, in brackets; "" if it may carry one."""
+    """Return, in brackets, why a turning joint carries no wheel; "" if it may carry one."""
     if abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED:
         return " (vertical axis)"
     part = measure_link(urdf, joint.child, 0.0)

@@ -25,7 +25,7 @@ _SIDEWAYS_PLUGIN = re.compile(
 )
 _MIN_ROLLERS = 3  # minimum number of rotating joints on a wheel with rollers
 _DIAGONAL = (elementary.cos(math.radians(60.0)), elementary.cos(math.radians(30.0)))
-"""Range of the cosine between the axle of a mecanum wheel and <fdir1>."""
+"""Range of the |cosine| of the angle between a mecanum wheel's axle and <fdir1>."""
 
 
 def find_bogies(urdf: Urdf, wheels: Sequence[Candidate]) -> list[str]:

@@ -106,7 +106,7 @@ class DriveDescription(ABC):
 _LOG = logging.getLogger(__name__)
 
 TOLERANCE_M = 1e-3  # maximum deviation [m] of a wheel's position accepted without a warning
-TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05  # maximum deviation of a wheel [m], and in radii
+TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05  # maximum deviation of a wheel in metres, and in radii
 TOLERATED_SKEW = 0.02  # maximum misalignment of the wheels on an axle, as a fraction of the track
 CASTER_GAP_M = 12e-3  # maximum distance [m] between a caster's lowest point and the ground
 FORWARD, LEFT, UP = range(3)
@@ -139,12 +139,12 @@ LINKS = _names(0, math.inf, "a list of link names")
 
 
 def tolerated(radius: float) -> float:
-    """Return the maximum deviation [m] of a wheel's position for a radius [m]."""
+    """Return the maximum deviation [m] of the position of a wheel with a radius [m]."""
     return max(TOLERATED_M, TOLERATED_SHARE * radius)
 
 
 def reach(radius: float) -> float:
-    """Return the maximum gap [m] between the ground and a wheel that touches it."""
+    """Return the gap [m] up to which a wheel of a radius [m] counts as touching the ground."""
     return max(CASTER_GAP_M, 2.0 * tolerated(radius))
 
 

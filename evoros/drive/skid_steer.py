@@ -57,7 +57,7 @@ def compute_turning_resistance(wheel_x_m: Sequence[float], tracks_m: Sequence[fl
 class SkidSteer:
     """A drive with one wheel speed per side; the robot turns as if its track were wider.
 
-    Commands follow the bicycle model: a speed of the middle of the wheels and a steering angle,
+    Commands follow the bicycle model: a speed at the middle of the wheels and a steering angle,
     with curvature = tan(steering) / wheelbase. At speed 0, the robot does not turn.
     """
 

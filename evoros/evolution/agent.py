@@ -33,7 +33,7 @@ PLACE = Rule(
 class Agent:
     """An additional robot, which has the same home in all worlds.
 
-    Parts that are None are the first robot's. A ``design`` evolves together with the first's.
+    A part that is None is the first robot's. A ``design`` evolves together with that robot's.
     """
 
     home: Annotated[Sequence[float], PLACE]  # x, y [m], yaw [rad]

@@ -26,7 +26,7 @@ class Contest:
     rounds: list[Mapping[int, int]] = field(default_factory=list)
 
     def next_round(self) -> dict[int, range]:
-        """Return the numbers of the next trials of each design; {} at the end of the contest."""
+        """Return each design's next trials, by number; {} at the end of the contest."""
         standings = [
             Standing(i, tuple(self.scores.get(i, ())), tuple(earlier), self.combine)
             for i, earlier in self.earlier.items()
@@ -67,7 +67,7 @@ class Contest:
         return min((len(self.earlier[i]) + len(self.scores[i]) for i in last), default=0)
 
     def stays(self) -> dict[int, int]:
-        """Return the index of the last round of each design; -1 without rounds."""
+        """Return the index of each design's last round; -1 if it had none."""
         last = {i: place for place, ids in enumerate(self.rounds) for i in ids}
         return {i: last.get(i, -1) for i in self.scores}
 

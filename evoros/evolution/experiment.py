@@ -186,12 +186,12 @@ class Experiment:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario of missions in the simulator of the run."""
+        """The scenario for missions in the run's simulator."""
         return Scenario(self.members, self.world, self.failure, self.simulator, self.walkers)
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The scenario of confirming missions; ``scenario`` without a confirmation."""
+        """The scenario for confirming missions; ``scenario`` if the run has no confirmation."""
         confirmation = self.confirmation
         if confirmation is None:
             return self.scenario
@@ -212,7 +212,7 @@ class Experiment:
         return {}
 
     def scenario_under(self, condition: Condition) -> Scenario:
-        """Return the scenario of an evaluation's missions under a condition."""
+        """Return the scenario for an evaluation's missions under a condition."""
         key = condition if condition.case is None else STATED
         if key not in self._scenarios:
             self._scenarios[key] = self._make_scenario(key)

@@ -28,7 +28,7 @@ class Generation:
     best: Candidate
     trials: Mapping[int, int]  # number of trials in the fitness of each candidate
     validated_fitness: Mapping[int, float]  # the best designs of all generations so far
-    screened_fitness: Mapping[int, float]  # all candidates; empty without a confirmation
+    screened_fitness: Mapping[int, float]  # all candidates; empty if the run has no confirmation
     losses: Mapping[int, float]  # screened minus confirmed fitness of confirmed individuals
 
     @cached_property
@@ -38,7 +38,7 @@ class Generation:
 
     @property
     def validated(self) -> float | None:
-        """The validated fitness of the best candidate; None without validation."""
+        """The validated fitness of the best candidate; None if it was not validated."""
         return self.validated_fitness.get(self.best.individual.id)
 
     @property
@@ -48,7 +48,7 @@ class Generation:
 
     @property
     def mean_loss(self) -> float | None:
-        """The mean loss of confirmed individuals; None without a confirmation."""
+        """The mean loss of confirmed individuals; None if there are none."""
         return fmean(self.losses.values()) if self.losses else None
 
     @property

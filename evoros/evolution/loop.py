@@ -105,8 +105,8 @@ class Judgement:
         """Return the other validated designs with simultaneous intervals.
 
         The upper ends of the rivals' intervals share the error rate that the lower end of the
-        champion's interval leaves, so their difference bounds any rival's advantage at the given
-        confidence; so do the opposite ends. ``leaders`` are the best designs of generations.
+        champion's interval leaves, so their difference bounds any rival's advantage from above at
+        the given confidence. The opposite ends bound it from below. ``leaders`` led a generation.
         """
         combine = self.experiment.scoring.combine
         others = {i: one for i, one in self.validated.fresh.items() if i != self.champion.id}

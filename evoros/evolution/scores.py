@@ -1,4 +1,4 @@
-"""Scoring of the individuals of a run, generation by generation."""
+"""Scores the individuals of a run, generation by generation."""
 
 from array import array
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -49,7 +49,7 @@ class NumberLog:
 
 
 class Ledger:
-    """The scores of all individuals of a run so far, keyed by id."""
+    """The scores of all individuals in a run so far, keyed by id."""
 
     def __init__(self, measures: int, final_choice: FinalChoice | None) -> None:
         self._final_choice = final_choice
@@ -77,7 +77,7 @@ class Ledger:
         self._shown.add(individual, (generation, earlier))
 
     def find_shown(self, individual: int) -> tuple[int, int]:
-        """Return the generation and number of earlier trials of the last call of ``show``."""
+        """Return the generation and number of earlier trials that ``show`` recorded last."""
         generation, earlier = self._shown.find_last([individual])[individual]
         return int(generation), int(earlier)
 
@@ -144,14 +144,15 @@ DROPPED = "dropped"  # operator of a survivor that was scored again and then dro
 class Opposition:
     """The failure cases of each generation; none unless the failure model adapts.
 
-    The seed and recorded scores determine them. Their order is random, to be fair to few trials.
+    The seed and recorded scores determine them. Their order is random, so that designs with few
+    trials do not meet only the first cases.
     """
 
     def __init__(self, experiment: Experiment) -> None:
         failure = experiment.failure
         self._key = f"{experiment.seed}/adversary"
         self._meets_all = isinstance(experiment.allocation, Once)  # then their order is irrelevant
-        self._order: Sequence[int] = ()  # index of the case of each trial
+        self._order: Sequence[int] = ()  # index of each trial's case
         self._adversary = None
         if isinstance(failure, AdaptiveFailure):
             trials = experiment.allocation.most_trials(experiment.trials)

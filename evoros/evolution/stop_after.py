@@ -31,7 +31,7 @@ class StopAfter:
     wall_s: Annotated[float | None, TIME] = None
 
     def find_reached(self, spent: Spent) -> str:
-        """Describe the limits reached; empty if none is."""
+        """Describe the limits reached; empty if there are none."""
         costs = ((name, getattr(spent, name), getattr(self, name)) for name in LIMITS)
         return ", ".join(
             f"stop_after.{name}: {cost:.12g} of {limit:.12g}"

@@ -162,7 +162,7 @@ class Trials:
     def score(
         self, generation: int, missions: Mapping[int, Sequence[Mission]], purpose: str
     ) -> dict[int, list[float]]:
-        """Return the score of each trial of each design; InputError for a non-finite score."""
+        """Return the scores of each design's trials; raise an InputError if one is not finite."""
         needed = [mission for of_design in missions.values() for mission in of_design]
         outcomes = self.run(generation, needed, purpose)
         self.measuring.note(purpose, missions, outcomes)
@@ -198,7 +198,7 @@ class FreshTrials:
     trials: list[float] = field(default_factory=list)  # scores of the trials
     # Scores of missions or, unless the fitness is additive, of trials; the mean is the same.
     scores: list[float] = field(default_factory=list)
-    lowest: float = math.nan  # minimum possible score of the design; NaN without trials
+    lowest: float = math.nan  # minimum possible score of the design; NaN before the first trial
     outcomes: Mapping[str, list[Outcome]] = field(default_factory=dict)  # keyed by world
 
 

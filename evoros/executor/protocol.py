@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Pool(Protocol):
-    """The workers of an open executor; ``submit`` is like in ``concurrent.futures.Executor``."""
+    """The workers of an open executor; ``submit`` is as in ``concurrent.futures.Executor``."""
 
     @property
     def workers(self) -> int:
@@ -77,7 +77,7 @@ class BatchPool(Protocol):
 
         A worker calls ``function(batches, [asked, ...], shared, ...)`` with one part per run, which
         returns a list with one result per part. If the call fails, each part is called separately.
-        The future is like that in ``Pool.submit``.
+        The future is as in ``Pool.submit``.
         """
 
 

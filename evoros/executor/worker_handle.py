@@ -1,6 +1,6 @@
 """The main process's handle on a worker process, and on the calls tried in it.
 
-Workers have their own Pebble pools; a shared one (5.2) can report a crash for another call.
+Workers have separate Pebble pools; a shared one (5.2) can report a crash for another call.
 """
 
 import os

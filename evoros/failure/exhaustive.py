@@ -23,7 +23,7 @@ class ExhaustiveFailure(SystematicFailure):
     """
 
     least: Annotated[int, WHOLE] = 0  # minimum number of failing sensors
-    most: Annotated[int, WHOLE] = 6  # maximum number of failing sensors, limited to all sensors
+    most: Annotated[int, WHOLE] = 6  # maximum number of failing sensors, up to all sensors
     times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # applied to the readings
 

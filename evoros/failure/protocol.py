@@ -106,7 +106,7 @@ PARTS: Mapping[str, str] = dict(zip(SIGNALS, _PARTS, strict=True))  # parts name
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter that acts on a signal of a mission from an onset on.
+    """A filter that acts on a signal of a mission from its onset on.
 
     The name and number of a fault select a random stream. A fault of sensors has one onset per
     sensor, any other fault a single onset.
@@ -136,7 +136,7 @@ class Fault:
 class Failure(ABC):
     """A failure model, which draws the faults of each mission."""
 
-    effect: Filter | None = None  # filter that a failure applies, also in given sensor cases
+    effect: Filter | None = None  # filter that failures apply, including failures in stated cases
 
     @property
     def parts(self) -> Sequence[str]:

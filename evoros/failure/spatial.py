@@ -24,8 +24,8 @@ PROBABILITIES = checks.Rule(
 class SpatialFailure(Failure):
     """Damage around a random sensor; all failing sensors fail at the same time.
 
-    Each sensor fails independently, with the probability of the smallest radius that contains its
-    distance from the chosen sensor (Euclidean). No sensor beyond the last radius fails. The
+    Each sensor fails independently, with the probability for the smallest radius that is at least
+    its distance from the chosen sensor (Euclidean). No sensor beyond the last radius fails. The
     defaults match the treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 

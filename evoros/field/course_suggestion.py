@@ -19,7 +19,7 @@ from evoros.world.course import Course
 
 MAX_SLOPE = 0.25  # maximum slope, rise over run, of the ground under a course
 _MOST_CELLS = 64  # maximum number of cells per side; finer height fields are coarsened
-AROUND_M = 3.0  # maximum distance of a course from the obstacles' area, if it has no room inside
+AROUND_M = 3.0  # maximum distance of a course from the obstacles' area, if there is no room inside
 
 
 class Attempt(NamedTuple):
@@ -58,7 +58,7 @@ ROOM_M = 12.0  # size of a loop below which other attempts are made
 SHARES = np.linspace(0.0, 1.0, 9)  # fractions of a leg at which the clearance is checked
 THIN = 0.02  # area over squared length below which a loop is nearly a line; a square has 0.06
 STRAIGHT = 0.7  # maximum absolute cosine of the angle between two legs
-MEETING_M, MISSING = 2.0, 0.2  # maximum distance of a loop from an obstacle; weight without one
+MEETING_M, MISSING = 2.0, 0.2  # maximum distance of a loop from an obstacle; weight if farther
 DETOUR = 3.0  # required growth of a loop per metre of distance from home to the origin
 HEIGHT_M = 0.02  # height of the robot's frame above the ground at the start
 CRUISE_MPS = 0.15  # average speed, including avoidance, for the time limit
@@ -243,7 +243,7 @@ def _find_loop(
 def _find_turn(
     points: Array, lengths: Array, legs: NDArray[np.bool_], spacing: float
 ) -> _Route | None:
-    """Find the longest way [m] along two legs around a corner and back; None if there is none."""
+    """Find the longest route [m] along two legs around a corner and back; None if there is none."""
     out, on = points - points[0], points[None] - points[:, None]
     along = np.abs((out[:, None] * on).sum(axis=2))
     turns = along <= STRAIGHT * lengths[0][:, None] * lengths

@@ -1,4 +1,4 @@
-"""A constant offset of each channel, a systematic sensor error."""
+"""A constant offset added to each channel, as a systematic sensor error."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -22,7 +22,7 @@ class Bias(Filter):
     name = "Bias"
     offset_m: Annotated[float, NUMBER] = 0.0  # mean offset, in the unit of the values
     sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # standard deviation, in the same unit
-    of: Annotated[str | None, TEXT] = None  # prefix of filtered channels; None: all channels
+    of: Annotated[str | None, TEXT] = None  # name prefix of filtered channels; None: all channels
 
     class Parameters(NamedTuple):
         offset: Array

@@ -24,7 +24,7 @@ class Drift(Filter):
     rate_mps: Annotated[float, NUMBER] = 0.0  # mean rate, in the unit of the values per second
     sd_mps: Annotated[float, NOT_NEGATIVE] = 0.01  # standard deviation, in the same unit
     limit_m: Annotated[float, POSITIVE] = 1.0  # maximum offset, in the unit of the values
-    of: Annotated[str | None, TEXT] = None  # prefix of filtered channels; None: all channels
+    of: Annotated[str | None, TEXT] = None  # name prefix of filtered channels; None: all channels
 
     class Parameters(NamedTuple):
         rate: Array

@@ -43,7 +43,7 @@ class Dropout(Filter):
     def rule(
         parameters: Parameters, memory: Held, rng: Generator, values: Array, time: float
     ) -> None:
-        """Drop samples; every channel always draws, so onsets do not change others' draws."""
+        """Drop samples; random numbers are drawn for all channels, whether active or not."""
         for i in range(len(values)):
             starts = rng.random() < parameters.probability and time >= parameters.onset[i]
             # An outage continues with one sample fewer, or a new one starts.

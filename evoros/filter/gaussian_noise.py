@@ -17,7 +17,7 @@ class GaussianNoise(Filter):
 
     name = "GaussianNoise"
     sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, in the unit of the values
-    of: Annotated[str | None, TEXT] = None  # prefix of filtered channels; None: all channels
+    of: Annotated[str | None, TEXT] = None  # name prefix of filtered channels; None: all channels
 
     class Parameters(NamedTuple):
         sigma: float
@@ -31,7 +31,7 @@ class GaussianNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every channel always draws, so onsets do not change others' draws."""
+        """Add noise; random numbers are drawn for all channels, whether active or not."""
         sigma, onset, low, high = parameters
         for i in range(len(values)):
             noise = sigma * rng.standard_normal()

@@ -34,7 +34,7 @@ class GrowingNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every channel always draws, so onsets do not change others' draws."""
+        """Add noise; random numbers are drawn for all channels, whether active or not."""
         sigma, growth, onset, low, high = parameters
         for i in range(len(values)):
             deviate = rng.standard_normal()

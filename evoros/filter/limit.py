@@ -1,4 +1,4 @@
-"""A limit, for example of the drive speed or the steering angle."""
+"""A filter that limits values, for example the drive speed or the steering angle."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple

@@ -31,7 +31,7 @@ class Mask(Filter):
     name = "Mask"
     effect = ENDS
     scan: Annotated[int, COUNT] = 1  # number of beams per scan
-    beams: Annotated[Sequence[Sequence[int]], SPANS] = ()  # [first, last] beams of intervals
+    beams: Annotated[Sequence[Sequence[int]], SPANS] = ()  # intervals [first, last] of beams
 
     class Parameters(NamedTuple):
         masked: Array

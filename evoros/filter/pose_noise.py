@@ -34,7 +34,7 @@ class PoseNoise(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Add the noise; every value always draws, so onsets do not change others' draws."""
+        """Add noise; random numbers are drawn for all values, whether active or not."""
         for i in range(len(values)):
             noise = parameters.sigma[i] * rng.standard_normal()
             if time >= parameters.onset[i]:

@@ -30,7 +30,7 @@ class Channels:
     period: float  # [s], time between consecutive samples
     names: tuple[str, ...] = ()  # (n,) names of the quantities; empty for a pose
     signal: str = READINGS  # one of SIGNALS
-    stops: Array | None = None  # (n,) the robot's maximum commands; None: not a command
+    stops: Array | None = None  # (n,) the robot's maximum commands; None: no commands
 
     @property
     def size(self) -> int:
@@ -87,7 +87,7 @@ class Held(NamedTuple):
 
 
 def hold_nothing(channels: Channels) -> Held:
-    """Return a memory without values."""
+    """Return the memory of a filter that has not yet held a value."""
     return Held(np.zeros(channels.size), np.full(channels.size, math.nan))
 
 

@@ -24,7 +24,7 @@ class Scale(Filter):
     mean: Annotated[float, NUMBER] = 0.0
     sd: Annotated[float, NOT_NEGATIVE] = 0.01
     slip_sd: Annotated[float, NOT_NEGATIVE] = 0.0
-    of: Annotated[str | None, TEXT] = None  # prefix of filtered channels; None: all channels
+    of: Annotated[str | None, TEXT] = None  # name prefix of filtered channels; None: all channels
 
     class Parameters(NamedTuple):
         factor: Array
@@ -40,7 +40,7 @@ class Scale(Filter):
 
     @staticmethod
     def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
-        """Scale the values; every channel always draws, so onsets do not change others' draws."""
+        """Scale the values; random numbers are drawn for all channels, whether active or not."""
         factor, slip, onset, low, high = parameters
         for i in range(len(values)):
             scale = factor[i] + slip * rng.standard_normal()

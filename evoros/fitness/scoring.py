@@ -99,7 +99,7 @@ class Scoring:
     ) -> dict[str, float]:
         """Summarize a design's missions: the fitness over trials, and the results in each world.
 
-        The results: completion rate, mean progress; the standard deviation of one trial is NaN.
+        Results are the completion rate and mean progress. One trial's standard deviation is NaN.
         """
         scores = self.score_trials(missions, outcomes)
         by_world: dict[str, list[Outcome]] = {}

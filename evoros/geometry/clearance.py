@@ -84,7 +84,7 @@ def fill_summary(
 
 @compilable
 def add_driven(way: Array, x: float, y: float, yaw: float, touching: bool) -> float:
-    """Return the distance [m] driven; in a contact, only along the heading, beyond ``SHAKE_M``."""
+    """Return the distance [m] driven; in contact, only along the heading and above ``SHAKE_M``."""
     dx, dy = x - way[LAST_X], y - way[LAST_Y]
     stays = touching and way[LAST_TOUCH] > 0.0
     way[LAST_X], way[LAST_Y], way[LAST_TOUCH] = x, y, 1.0 if touching else 0.0
@@ -112,7 +112,7 @@ def fill_clearances(
 
 @compilable
 def _min_clearance(track: Array, outline: Array, rows: Array, corners: Array) -> float:
-    """Return the minimum clearance, skipping poses too near the last one to be closer."""
+    """Return the minimum clearance [m], skipping poses too near the last one to lower it."""
     reach = _reach(outline)
     placed = outline.copy()
     smallest = math.inf

@@ -35,7 +35,7 @@ class Piece:
 
     @property
     def concavity(self) -> float:
-        """The edge [m] of a cube as large as the volume between the hull and the solid."""
+        """The edge [m] of a cube with the volume between the hull and the solid."""
         lacking = self.hull.volume() - self.solid.volume()
         return float(np.cbrt(lacking)) if lacking > _ROUNDING * self.hull.volume() else 0.0
 
@@ -61,7 +61,7 @@ def make_solid(surface: Surface) -> Any:
 def divide(
     solid: Any, tolerance: float, few: int, most: int, work: float
 ) -> tuple[list[Piece], float, bool]:
-    """Cut a solid, the most concave piece first, to concavities [m] within the tolerance.
+    """Cut a solid, the most concave piece first, until concavities [m] are within the tolerance.
 
     The number of pieces is at most ``few`` if this leaves no concavity above ``TOLERANCE_M``,
     otherwise ``most``. Also return the faces examined, and True if ``work`` cut this short.
@@ -103,7 +103,7 @@ def _split(*solids: Any) -> list[Piece]:
 
 
 def _cut(piece: Piece) -> tuple[list[Piece], int]:
-    """Cut a piece by the plane that leaves the smallest hulls, if any; also count the planes."""
+    """Cut a piece by the plane that leaves the smallest hulls, if there is one; count planes."""
     corners, outer = _find_hollows(piece)
     tried = 8 if piece.solid.num_tri() <= _FINE else 3
     along = list(_along_faces(corners, outer, 2 * tried))

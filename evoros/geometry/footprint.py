@@ -28,7 +28,7 @@ class Footprint:
 def project_shape(
     shape: Shape, pose: Pose, low_m: float = -math.inf, high_m: float = math.inf
 ) -> Footprint:
-    """Project a shape at ``pose`` in the world onto the ground; not for planes.
+    """Project a shape other than a plane, at ``pose`` in the world, onto the ground.
 
     A convex polyhedron is projected only between two heights [m], any other shape as a whole. The
     end discs of a tilted cylinder become polygons that exceed them by at most 0.13 % of the radius.

@@ -15,7 +15,7 @@ CELL_M = 1.0
 MAX_CELLS = 250_000  # maximum number of cells; if obstacles are far apart, cells are larger
 
 # A flat array of GRID_SIZE values describes the grid.
-ORIGIN_X, ORIGIN_Y, CELL, COLUMNS, ROWS = range(5)  # corner [m], cell's edge [m], numbers of both
+ORIGIN_X, ORIGIN_Y, CELL, COLUMNS, ROWS = range(5)  # corner [m], cell's edge [m], numbers
 GRID_SIZE = 5
 
 

@@ -39,7 +39,7 @@ class Hull:
 
 
 def make_hull(points: Array) -> Hull | None:
-    """Return the hull of points (k, 3) [m], thickened if flat; None below ``SMALLEST_M``."""
+    """Return the hull of points (k, 3) [m], thickened if flat; None if below ``SMALLEST_M``."""
     if len(points) < 3 or float((points.max(axis=0) - points.min(axis=0)).max()) < SMALLEST_M:
         return None
     hull = _qhull(points) if len(points) > 3 else None

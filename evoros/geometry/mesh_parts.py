@@ -60,7 +60,7 @@ def compare_sections(
 
 
 def _fill(surface: Surface) -> Any:
-    """Return the solid inside a surface, even if its bottom is open; None if it encloses none."""
+    """Return the solid inside a surface, even if its bottom is open; None if there is none."""
     solid = make_solid(surface)
     hull = make_hull(surface.points) if solid is None else None
     if hull is not None and _fills_hull(surface, None, hull):

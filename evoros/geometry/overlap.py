@@ -107,7 +107,7 @@ def overlap_depth(first: Solid, second: Solid) -> float:
 
 
 def clearance(first: Solid, second: Solid) -> Clearance | None:
-    """Return the lifts of the first solid at which it overlaps the second; None without overlap."""
+    """Return the lifts at which the first solid overlaps the second; None if it never does."""
     points = _differences(first, second)
     lifts = None
     for _ in range(_ROUNDS):

@@ -105,7 +105,7 @@ def find_border(polygon: Array, x: float, y: float) -> tuple[float, float, float
     return sign * length, sign * nearest_x / length, sign * nearest_y / length
 
 
-EDGE_TOLERANCE_M = 1e-4  # maximum distance of a touching edge's corners behind the foremost
+EDGE_TOLERANCE_M = 1e-4  # maximum distance of a touching edge's corners behind the foremost one
 
 
 @compilable

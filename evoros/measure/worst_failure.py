@@ -15,7 +15,7 @@ SHARE = 0.25
 @dataclass(frozen=True)
 @checked
 class WorstFailure(Measure):
-    """The mean score of the lowest quarter of trials if the worst draws of all worlds coincide.
+    """The mean score of the lowest quarter of trials if the worst draws of all worlds coincided.
 
     Trial k is composed of the kth-worst mission in each world. With more trials, this decreases
     much less than the minimum; with one trial it equals the fitness.

@@ -50,8 +50,8 @@ from evoros.mission.loop import run_loop
 from evoros.simulator.protocol import SimulationRules
 
 TABLE = types.Array(I8, 2, "C")  # a row of words per stage; rules and generators are addresses
-# Kernels use numbers for rules, and addresses of states for generators. Read-only to differ from
-# TABLE.
+# Kernels use numbers for rules, and addresses of states for generators. The type is read-only so
+# that it differs from TABLE.
 KERNEL_TABLE = types.Array(I8, 2, "C", readonly=True)
 
 

@@ -23,7 +23,7 @@ from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule, Simul
 Integers: TypeAlias = NDArray[np.int64]
 Truths: TypeAlias = NDArray[np.bool_]
 
-RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)  # endings of robots; RUNNING if the mission's
+RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)  # ending of each robot; RUNNING if it has none
 
 VISITED, COLLISIONS, FIRST_COLLISION, TOUCHING, DECIDED, ENDED, END_TICK, END_ROW = range(8)
 """Rows of ``Arrays.counts``.

@@ -110,7 +110,7 @@ class Mission:
 
 
 def name_conditions(draws: str, case: str) -> str:
-    """Return the key of the draws, followed by the case if any."""
+    """Return the key of the draws, followed by the failure case, if there is one."""
     return f"{draws} {case}" if case else draws
 
 

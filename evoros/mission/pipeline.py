@@ -69,7 +69,7 @@ class Target(NamedTuple):
     values: Array
     every: int = 1  # number of ticks between two samples
     name: str = ""  # name of the sensor type; empty for other signals
-    sensors: slice = slice(0)  # range of indices of the sensors of this type
+    sensors: slice = slice(0)  # index range of this type's sensors
 
     def spread(self, fault: Fault) -> Array:
         """Return the onset [s] of a fault per channel; all channels of a sensor fail together."""

@@ -35,7 +35,7 @@ def find_growing(values: Mapping[str, Any]) -> str:
 
 
 def count_growing(values: Mapping[str, Any], key: str) -> int:
-    """Return the value of such a key in a nested configuration."""
+    """Return the value in a nested configuration of a key that may be raised."""
     if key == TRIALS:
         return int(values[TRIALS])
     if key == GENERATIONS:

@@ -67,7 +67,7 @@ class Setup:
         ]
 
     def add_faults(self, index: int, faults: Sequence[Fault], place: Sequence[float]) -> None:
-        """Add faults of a robot at a position (x, y, ...) [m]."""
+        """Add faults of a robot, which is at ``place`` (x, y, ...) [m]."""
         self._extend_arrays(index, self.robots[index].participant, faults, place)
         self._start_faults(index, faults)
 

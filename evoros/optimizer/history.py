@@ -100,7 +100,7 @@ class Sampler(Protocol):
         """Return the genomes (size,) of the next generation, to be clipped to 0..1."""
 
     def learn(self, history: History, changed: bool) -> None:
-        """Learn from the scores of the generation; ``changed`` if earlier scores have changed."""
+        """Learn from the generation's scores; ``changed`` tells if earlier scores have changed."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class FitnessSearch:
     """A search that keeps the best of all designs proposed by a sampler."""
 
     def __init__(self, sampler: Sampler, first: str | None = None) -> None:
-        """Start; ``first`` is the operator of the first generation (default: the sampler's)."""
+        """Start; the operator of the first generation is ``first`` (default: the sampler's)."""
         self._sampler, self._history = sampler, History()
         self._history.ask(sampler.propose(), first or sampler.name)
 

@@ -40,7 +40,7 @@ class SetCover(protocol.BundledOptimizer):
     # width of the sector; None: the widest that sensors can cover
     width_deg: Annotated[float | None, number_between(1.0, ALL_AROUND)] = None
     failed: Annotated[int, replace(WHOLE, limit=3)] = 1  # number of failures that a cover tolerates
-    distance_m: Annotated[float, POSITIVE] = 2.0  # range to be seen, from the middle of the robot
+    distance_m: Annotated[float, POSITIVE] = 2.0  # distance to be seen, from the robot's middle
     candidates: Annotated[int, replace(COUNT, limit=2000)] = 200  # random candidate places
     covers: Annotated[int, replace(COUNT, limit=1000)] = 8  # number of covers to choose from
     packages = ("scipy",)

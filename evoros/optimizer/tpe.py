@@ -32,7 +32,7 @@ class Tpe(BundledOptimizer):
     """
 
     population_size: Annotated[int, COUNT] = 16
-    random_first: Annotated[int, COUNT] = 16  # random designs at first, at least a generation
+    random_first: Annotated[int, COUNT] = 16  # random designs at the start, at least a generation
     packages = ("optuna",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:

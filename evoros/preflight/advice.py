@@ -21,7 +21,7 @@ FIRM_GRIP_MPS2 = 8.0  # lateral acceleration [m/s2] above which wheels slip on c
 MAX_HALVINGS = 5
 FINE_ITERATIONS = 50  # minimum number of solver iterations at finer steps
 RIGHT = ", in which the robot moves as commanded"
-SOFT = (0.6, 0.5)  # impedances of softer ground, which keeps wheels of hopping robots down
+SOFT = (0.6, 0.5)  # impedances of softer ground, on which robots hop less
 
 Change = tuple[str, Setting, Simulator]  # advice, and the resulting robot and engine
 
@@ -88,7 +88,7 @@ def _settings(key: str, simulator: Any) -> str:
 def _soften(
     soft: Iterable[Change], simulator: Simulator, setting: Setting, trial: TrialDrive
 ) -> Iterator[Change]:
-    """Yield softer grounds and resistances to turning with which skidding wheels may turn right."""
+    """Yield softer grounds and turning resistances with which a robot may turn as commanded."""
     yield from _list_resistances("set", simulator, setting, trial)
     for words, _, softer in soft:
         yield words, setting, softer
@@ -107,7 +107,7 @@ def _list_soft(key: str, simulator: Simulator, setting: Setting) -> list[Change]
 def _list_resistances(
     words: str, simulator: Simulator, setting: Setting, trial: TrialDrive
 ) -> Iterator[Change]:
-    """Yield the turning resistance that explains a skid-steer robot's turns, if any."""
+    """Yield the turning resistance that explains a skid-steer robot's turns, if there is one."""
     drive: Any = setting.robot.drive
     shares = [trial.shares[move] for move in TURNS]
     share = 0.5 * (max(shares) + min(shares))

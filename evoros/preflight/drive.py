@@ -1,4 +1,4 @@
-"""Detects too coarse time steps by driving the robot briefly before the run."""
+"""Detects time steps that are too coarse, by briefly driving the robot before the run."""
 
 import dataclasses
 import logging

@@ -138,7 +138,7 @@ def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:
 def _check_passages(
     course: Course, obstacles: Sequence[Footprint], half_width: float, robot: str
 ) -> Iterator[str]:
-    """Warn about waypoints that no path as wide as the robot reaches; rounding favours paths."""
+    """Warn about waypoints that no path as wide as the robot reaches; rounding widens paths."""
     goals = np.array([course.home[:2], *course.waypoints])
     vertices = np.concatenate([goals, *(footprint.vertices for footprint in obstacles)])
     low, high = vertices.min(axis=0) - 2 * half_width - 1, vertices.max(axis=0) + 2 * half_width + 1

@@ -242,7 +242,7 @@ def _list_triggers(subject: Subject) -> list[Trigger]:
 
 
 def find_problem(trigger: Trigger, world: World) -> str:
-    """Return the rule that an onset violates in a world, with the value, or ""."""
+    """Return the rule that an onset violates in a world, with the violating value; "" if none."""
     course = world.course
     lengths = measure_legs(course.home, course.route(True))
     if trigger.kind == WAYPOINT and trigger.values[0] > len(lengths):

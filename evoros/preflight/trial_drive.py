@@ -21,7 +21,7 @@ REST_S, PIECE_S, RUN_UP_PIECES = 1.0, 0.25, 12
 DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
 SETTLED = 0.02  # maximum relative change of speed between consecutive pieces of a settled run-up
 ARM_M = 0.1  # [m], distance between the sensors that measure the robot's height and tilt
-STILL_RAD = 1e-4  # half of the maximum turned angle of a robot that drives straight
+STILL_RAD = 1e-4  # half of the angle up to which a robot counts as driving straight
 READABLE_M = 0.5  # [m], maximum error of the rays that measure the ground
 
 
@@ -122,7 +122,7 @@ def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: 
 
 
 def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float]:
-    """Return how far the robot sank [m], and its tilt [deg]; zeros without ground readings."""
+    """Return how far the robot sank [m], and its tilt [deg]; zeros if rays miss the ground."""
     readings = np.zeros(robot.beam_count)
     simulation.sense(readings)
     errors = readings - robot.sensor_poses[:, 2]
@@ -209,7 +209,7 @@ class Setting(NamedTuple):
         return self._replace(robot=replace(self.robot, drive=drive))
 
     def describe(self, trial: TrialDrive) -> str:
-        """Describe the faults of a measured motion; empty without faults."""
+        """Describe the faults of a measured motion; empty if there are none."""
         if not all(map(math.isfinite, (*trial.rest, *trial.shares.values()))):
             return "has a pose that is not a number"
         faults = _describe_rest(trial.rest, self.speed)
@@ -217,7 +217,7 @@ class Setting(NamedTuple):
 
 
 def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> bool:
-    """Return True if the robot performs all manoeuvres as commanded, starting with the worst."""
+    """Return True if the robot moves as commanded, trying manoeuvres from worst to best."""
     trial = setting.in_engine(simulator)
     worst_first = sorted(MANOEUVRES, key=lambda move: -abs(before.shares[move] - 1.0))
     return not _describe_rest(trial.stand(), setting.speed) and not any(

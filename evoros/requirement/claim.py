@@ -166,7 +166,7 @@ class Claim:
 
     @property
     def factor(self) -> str:
-        """The factor of ``each``; empty without a factor."""
+        """The factor of ``each``; empty if there is none."""
         return next(iter(self.each)) if isinstance(self.each, Mapping) else self.each or ""
 
     @property

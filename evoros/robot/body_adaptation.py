@@ -73,7 +73,7 @@ def complete_body(
     reader: SolidsReader,
     wheels: Sequence[Wheel],
 ) -> list[str]:
-    """Replace missing or too small collision shapes of the body with the hull of its visuals."""
+    """Use the hull of the visuals if the body's collision shapes are missing or too small."""
     body = _list_body(urdf, rolling)
     solid = collision_points(urdf, body)
     if len(solid) and not _is_small(solid, wheels):

@@ -173,13 +173,13 @@ def add_supports(
 
 
 def _list_bottoms(urdf: Urdf, link: str) -> list[tuple[float, float, float]]:
-    """Return x, y [m] of the middle of each shape of a link, and the height [m] of its bottom."""
+    """Return, for each shape of a link, x, y [m] of its middle and the height [m] of its bottom."""
     poses = ((shape, urdf.poses[link] @ shape.pose) for shape in urdf.shapes[link])
     return [(*pose.position[:2], bottom_height(shape, pose)) for shape, pose in poses]
 
 
 def _find_short(urdf: Urdf, places: Sequence[tuple[float, float, float]]) -> str:
-    """Describe the links that end above assumed supports at the same places, if any, else ""."""
+    """Describe links that end above the ground where supports are assumed; "" if there are none."""
     short = {
         f"{link} ends {1e3 * z:.0f} mm above the ground there, its counterpart at {1e3 * low:.0f}"
         for link in urdf.poses

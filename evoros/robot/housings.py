@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.robot.model import Robot
 
 _PARALLEL = 1e-9
-_TOUCH_M = 1e-6  # maximum overlap [m] of housings that only touch
+_TOUCH_M = 1e-6  # overlap [m] up to which housings count as only touching
 
 
 @dataclass(frozen=True)

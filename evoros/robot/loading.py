@@ -108,7 +108,7 @@ def _adapt_drive(
 
 
 def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
-    """Return the diagonal [m] of the robot's bounding box, the maximum distance of masses."""
+    """Return the diagonal [m] of the robot's bounding box, the maximum distance between masses."""
     points = [wheel.centre[None] for wheel in wheels]
     points += [np.array([pose.position]) for pose in urdf.poses.values()]
     points.append(body_adaptation.collision_points(urdf, urdf.shapes))
@@ -205,7 +205,7 @@ def _adapt_casters(
 def _complete_motors(
     elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
 ) -> list[str]:
-    """Limit the effort of drive joints that have no limit to weight times wheel radius."""
+    """Give drive joints without an effort limit a limit of weight times wheel radius."""
     mass, _ = centre_of_mass(elements, urdf)
     radii = {name: wheel.radius for name, wheel in zip(drive.wheel_joints, wheels, strict=True)}
     radii |= dict.fromkeys(drive.steering_joints, wheels[0].radius)
@@ -265,7 +265,7 @@ def _build_robot(
     wheels_touch: bool,
     visuals: Mapping[str, Sequence[Shape]] | None,
 ) -> Robot:
-    """Build a robot; ``visuals`` block the view of its sensors, or collision shapes if None."""
+    """Build a robot; ``visuals``, or collision shapes if None, block its sensors' view."""
     urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
     wheels = {urdf.joints[name].child for name in drive.wheel_joints}
     rolling = wheels | set(drive.caster_links)

@@ -137,7 +137,7 @@ class Robot:
 
     @cached_property
     def beam_layout(self) -> tuple[slice, ...]:
-        """The slice of the true ranges that belongs to each mount; empty without rays."""
+        """The slice of each mount in the true ranges; empty for sensors without rays."""
         sensors = self.mounted_sensors()
         return _place([len(sensor.channels) if sees(sensor) else 0 for sensor in sensors])
 
@@ -195,7 +195,7 @@ class Robot:
         return poses
 
     def channel_yaws(self) -> list[float]:
-        """Return the yaw [rad] of each channel, the mean of its rays; NaN without rays."""
+        """Return the yaw [rad] of each channel, the mean of its rays; NaN if it has no rays."""
         yaws: list[float] = []
         parts = zip(self.mounted_sensors(), self.sensor_poses, self.sensor_frames, strict=True)
         for sensor, pose, frame in parts:

@@ -32,7 +32,7 @@ class MountDefaults:
 
 
 class FittedMount(NamedTuple):
-    """The default mount of a robot, without None except for the pitch."""
+    """The default mount of a robot, in which only the pitch may be None."""
 
     link: str
     z_m: float

@@ -19,7 +19,7 @@ from evoros.geometry.shapes import Pose, Shape
 from evoros.world.standing import sight_rows
 
 _CIRCLE_CORNERS = 64  # number of corners of the polygon around a circle
-_OVERHANG_M = 1e-3  # maximum overhang [m] of a wheel that is still covered by the body
+_OVERHANG_M = 1e-3  # overhang [m] up to which a wheel counts as covered by the body
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
 
 
 def compute_outline_at(solids: Sequence[SolidShape], height: float) -> Array | None:
-    """Return the outline (k, 2) [m] of the shapes that reach a height [m]; None without shapes."""
+    """Return the outline (k, 2) [m] of the shapes that reach a height [m]; None if none does."""
     ranges = [solid.height_range for solid in solids]
     reaching = [
         (solid.shape, solid.pose)
@@ -79,7 +79,7 @@ def find_exposed(urdf: Urdf, rolling: Collection[str], outline: Array) -> frozen
 
 
 SWEEP = 17  # number of steering angles, from lock to lock, at which checks test steered wheels
-BURIED_M = 0.1  # [m], maximum path inside a shape of a ray that starts there and is not blocked
+BURIED_M = 0.1  # [m], path up to which a shape does not block a ray that starts in it
 
 
 class Steering(NamedTuple):
@@ -101,7 +101,7 @@ class OccluderRows(NamedTuple):
 
     rows: Array  # (s, OBSTACLE_SIZE), as in evoros.geometry.ray
     faces: Array  # (f, FACE_SIZE), of all polyhedra
-    inside: Array  # (s,) [m], maximum length inside a shape of a ray that starts there
+    inside: Array  # (s,) [m], path up to which a shape does not block a ray that starts in it
     rolls: Array  # (s,) 1 for wheels and casters, else 0
     numbers: Array  # (s,) index in Occluders.shapes
     heights: Array  # (s, 2) [m], heights of the lowest and the highest point

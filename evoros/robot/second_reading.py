@@ -44,7 +44,7 @@ def report_second_reading(robots: Iterable[Robot]) -> None:
 
 
 def read_again(robot: Robot) -> tuple[bool, str]:
-    """Return True unless yourdfpy reads other link positions, and a sentence about the result."""
+    """Return False if yourdfpy reads other positions, else True; and describe the result."""
     try:
         read = _load(robot)
     except Exception as error:  # another package's reader may raise any error

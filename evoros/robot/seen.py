@@ -38,7 +38,7 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
 
 
 def choose_sector(bearing_deg: float, width_deg: float, both_sides: bool) -> Mask:
-    """Return the mask (360,) of a sector about a bearing; if ``both_sides``, mirror it as well."""
+    """Return the mask (360,) of a sector about a bearing; ``both_sides`` adds its mirror image."""
     chosen: Mask = np.zeros(COUNT, dtype=bool)
     for middle in (bearing_deg, -bearing_deg) if both_sides else (bearing_deg,):
         off = np.abs((BEARINGS_DEG - middle + 180.0) % 360.0 - 180.0)

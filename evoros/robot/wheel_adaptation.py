@@ -90,7 +90,7 @@ def _tell_straightened(joint: Joint, along: float, notes: Assumptions) -> None:
 
 
 def _align(urdf: Urdf, joint: Joint, axis: Array) -> float:
-    """Return the cosine between an axle and a wheel that is one round shape; 0 for others."""
+    """Return the |cosine| of the angle from ``axis`` to the axis of a single round shape, or 0."""
     shapes = urdf.shapes[joint.child]
     if len(shapes) != 1 or len(group_shapes(urdf, joint.child)) != 1:
         return 0.0

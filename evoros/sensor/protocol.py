@@ -75,7 +75,7 @@ class Channel(NamedTuple):
     """The name, unit and limits of one value in a sensor's reading."""
 
     name: str  # quantity, used as a column prefix, such as range
-    unit: str  # unit, used as a column suffix, such as m; empty without a unit
+    unit: str  # unit, used as a column suffix, such as m; empty if dimensionless
     low: float  # minimum reading; -inf if unlimited
     high: float  # maximum reading; range sensors return it without obstacles in range
 
@@ -96,12 +96,12 @@ class Sensor(ABC):
         """The channels of a reading, at least one."""
 
     def gazebo(self, name: str) -> str:
-        """Return the SDF ``<sensor>`` for the champion's URDF; empty without a Gazebo model."""
+        """Return the SDF ``<sensor>`` for the champion's URDF; empty if Gazebo cannot model it."""
         return ""
 
 
 class RangeSensor(Sensor):
-    """A sensor type that measures distances along rays; ``fov_deg``, if any, is the full width."""
+    """A sensor type that measures distances along rays; see ``find_field`` about ``fov_deg``."""
 
     measures = RANGE
     radiation: str = ""  # radiation type in ROS messages: ``infrared``, or empty for ultrasound
@@ -251,7 +251,7 @@ def sensor_bearings(sensor: RangeSensor) -> list[float]:
 
 
 def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
-    """Yield the columns of the channels in order: ``range_N_m``, or ``range_N_K_m`` of several."""
+    """Yield the columns of the channels: ``range_N_m``, or ``range_N_K_m`` if there are several."""
     for index, sensor in enumerate(sensors):
         yield from name_readings(index, [channel[:2] for channel in sensor.channels])
 

@@ -156,7 +156,7 @@ def _measure_sight(beams: Array) -> float:
     return math.ceil(2.0 * float(farthest)) / 2
 
 
-MAX_STEP_S = 0.1  # maximum [s]; contacts are tested after each step, so longer ones cross walls
+MAX_STEP_S = 0.1  # maximum [s]; contacts are tested after each step, so longer steps cross walls
 
 
 @dataclass(frozen=True)

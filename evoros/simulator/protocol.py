@@ -55,7 +55,7 @@ class Simulator(ABC):
 
     time_step: float  # [s]; sensor and controller periods must be multiples of this step
     packages: Sequence[str]  # pip packages that can change results, for the manifest
-    versions: Mapping[str, str] = MappingProxyType({})  # other libraries', for the manifest
+    versions: Mapping[str, str] = MappingProxyType({})  # other libraries, for the manifest
     measures: Collection[str] = (RANGE,)  # quantities to measure; see ``evoros.sensor.protocol``
     max_robots: int = 1  # maximum number of robots, which can detect and touch each other
     has_walkers: bool = False
@@ -64,7 +64,7 @@ class Simulator(ABC):
     The walkers are the ``crowd`` of a world. ``observe`` writes REPORT_SIZE values for each walker
     after the states of the robots.
     """
-    weakens_wheels: bool = False  # True if wheels can fail in it; see ``find_targets``
+    weakens_wheels: bool = False  # True if its robots' wheels can fail; see ``find_targets``
 
     @abstractmethod
     def open(
@@ -85,7 +85,7 @@ def open_alone(
     robot: "Robot",
     world: "World",
 ) -> AbstractContextManager[Opened]:
-    """Open a simulation of one robot at its home pose; ``opener`` is ``open`` of a simulator."""
+    """Open a simulation of one robot at its home pose; ``opener`` is a simulator's ``open``."""
     return opener([PlacedRobot(robot, world.course.home)], world)
 
 

@@ -98,7 +98,7 @@ class DescriptionSuite:
         raise AssertionError(f"{type(self.part).__name__} must be @dataclass(frozen=True)")
 
     def test_it_pickles(self) -> None:
-        """A worker process receives an equal part."""
+        """A part equals its pickled copy, which is what a worker process receives."""
         assert bits(self.copy()) == bits(self.part), "pickling must not change the part's fields"
 
     def copy(self) -> Any:

@@ -1,4 +1,4 @@
-"""The walkers of a mission, and the initial arrays of the walkers' rule."""
+"""The walkers of a mission, and the initial arrays of the rule that moves them."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -51,9 +51,9 @@ class SocialForce:
     """
 
     relaxation_s: Annotated[float, checks.POSITIVE] = 0.5  # time constant of the desired speed
-    repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # strength of walkers' potential
-    range_m: Annotated[float, checks.POSITIVE] = 0.3  # distance in which the potential falls to 1/e
-    border_repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 10.0  # potential of obstacles
+    repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 2.1  # potential of walkers in contact
+    range_m: Annotated[float, checks.POSITIVE] = 0.3  # distance at which it falls to 1/e
+    border_repulsion_m2ps2: Annotated[float, checks.NOT_NEGATIVE] = 10.0  # potential at obstacles
     border_range_m: Annotated[float, checks.POSITIVE] = 0.2
 
 

@@ -22,7 +22,7 @@ FOREIGN_REACH_M = 2.5  # distance [m] at which an obstacle's potential has falle
 STRIDE_S = 2.0  # [s], time ahead for which others stay out of a walker's path, as in the paper
 SIGHT_COS, UNSEEN = -0.17364817766693033, 0.5
 """The cosine of half the field of view (100 degrees), and the weight of forces from behind."""
-SLOW, BLOCKED_S = 0.1, 3.0  # progress relative to the pace, and time [s] below it to turn back
+SLOW, BLOCKED_S = 0.1, 3.0  # progress relative to the pace, and time [s] below it before turning
 FASTEST = 1.3  # maximum speed relative to the pace, as in the paper
 RIGHTWARDS = 0.3  # fraction of a force from ahead that is turned to the right
 PERSON_M = 0.25  # [m], radius of a walker for which the distances equal the paper's

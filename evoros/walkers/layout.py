@@ -32,7 +32,7 @@ REPORT_COLUMNS = ("x_m", "y_m", "touched_by")
 
 
 class Walk(NamedTuple):
-    """The parameters of the walkers' rule."""
+    """The parameters of the rule that moves the walkers."""
 
     walkers: Matrix  # (n, WALKER_SIZE)
     corners: Matrix  # (c, CORNER_SIZE)
@@ -46,7 +46,7 @@ class Walk(NamedTuple):
 
 
 class Walking(NamedTuple):
-    """The memory of the walkers' rule: positions and motions."""
+    """The memory of the rule that moves the walkers: positions and motions."""
 
     places: Matrix  # (n, 2) [m]
     motions: Matrix  # (n, MOTION_SIZE)

@@ -18,7 +18,7 @@ DIRECTION = checks.one_of("random", "forward", "backward", "parity", ONE_WAY)
 @dataclass(frozen=True)
 @checks.checked
 class Course:
-    """A route around the corners and back, then in reverse; ``one_way`` ends at the last corner."""
+    """A route around the corners to home, then in reverse; if ``one_way``, to the last corner."""
 
     home_x_m: Annotated[float, checks.NUMBER]
     home_y_m: Annotated[float, checks.NUMBER]
@@ -27,7 +27,7 @@ class Course:
     waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # corners [m], without home
     acceptance_m: Annotated[float, checks.POSITIVE]  # radius [m] at which a waypoint is reached
     time_limit_s: Annotated[float, checks.POSITIVE]
-    direction: Annotated[str, DIRECTION]  # first phase's; ``parity``: forward in even rounds
+    direction: Annotated[str, DIRECTION]  # first direction; ``parity``: forward in even rounds
     end_on_collision: Annotated[bool, checks.FLAG]
 
     def __post_init__(self) -> None:

@@ -28,7 +28,7 @@ AROUND_M = 2.0  # maximum distance [m] of walkers from the area of obstacles and
 
 @lru_cache(maxsize=64)
 def lay_out_borders(world: World, height: float) -> tuple[Array, ...]:
-    """Return the obstacles below a height [m] as arrays for the walkers' rule."""
+    """Return the obstacles below a height [m] as arrays for the rule that moves walkers."""
     areas = join_areas(world, height)
     grid, outlines = Grid.around(areas, FOREIGN_REACH_M), Outlines.of(areas)
     return grid.to_array(), *grid.list_near(areas, FOREIGN_REACH_M), outlines.rows, outlines.corners

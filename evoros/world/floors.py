@@ -22,7 +22,7 @@ MAT_M = 0.015  # maximum height of a level top, such as a mat's, that is part of
 STAGE_M = 1.0  # maximum height of a level top that becomes the floor if it carries the course
 STEP_M = 0.1  # spacing [m] of sample points on a course, which distinguish floors from posts
 _LEVEL = 1e-6
-_STEEP = 0.5  # minimum vertical component of the unit normal of a plane that is ground
+_STEEP = 0.5  # minimum vertical component of a ground plane's unit normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class _Top:
 
 
 def ground_height(bodies: Sequence[Body], point: Sequence[float]) -> float | None:
-    """Return the height [m] of the highest ground at a point [x, y]; None without ground."""
+    """Return the height [m] of the highest ground at a point [x, y]; None if there is none."""
     return _find_height([*ground_shapes(bodies)], point)
 
 
@@ -139,7 +139,7 @@ def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: floa
 
 @lru_cache(maxsize=2**15)  # enough for the parts of one furnished building
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, footprint.Footprint] | None:
-    """Return the height [m] and footprint of a solid shape's level top; None without one."""
+    """Return the height [m] and footprint of a solid shape's level top; None if it has none."""
     up = np.abs(pose.rotation[2])
     upright = {"box": up.max(), "cylinder": up[2]}.get(shape.kind, 0.0)
     if upright > 1 - _LEVEL:

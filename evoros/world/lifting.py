@@ -17,7 +17,7 @@ from evoros.geometry.polyhedron import hull_planes, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
 
-SLACK_M = 0.002  # maximum overlap [m] left to engines, which part bodies as fast as a 2 mm fall
+SLACK_M = 0.002  # maximum overlap [m] left for engines to undo, at the speed of a 2 mm fall
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Solids:
     """Solid shapes with bounding boxes; arrays have one row per shape."""
 
     placed: tuple[tuple[Shape, Pose], ...]
-    body: NDArray[np.intp]  # index of the body of each shape
+    body: NDArray[np.intp]  # index of each shape's body
     low: Array  # (n, 3) [m]
     high: Array  # (n, 3) [m]
     _known: dict[int, Solid] = field(default_factory=dict)
@@ -133,7 +133,7 @@ def _heights_above(points: Array, planes: Array) -> list[float]:
     return heights
 
 
-_STEEP = 1.5  # maximum ratio of lift to shortest separation; above, bodies would be stacked
+_STEEP = 1.5  # maximum ratio of lift to shortest separation; beyond it, bodies are stacked
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class Lifts:
 
     heights: dict[int, float] = field(default_factory=dict)  # [m]
     depths: dict[int, float] = field(default_factory=dict)  # [m], depth in the body or ground below
-    stuck: dict[int, float] = field(default_factory=dict)  # [m] in the ground, without room above
+    stuck: dict[int, float] = field(default_factory=dict)  # [m], depth in the ground; no room above
 
 
 class _Near(NamedTuple):

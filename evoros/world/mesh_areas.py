@@ -16,7 +16,7 @@ from evoros.world.standing import standing_obstacles
 if TYPE_CHECKING:
     from evoros.geometry.mesh_parts import Sections
 
-LOWEST_M, SLICES = 0.05, 4  # lowest section [m], or half a low robot's height, and their number
+LOWEST_M, SLICES = 0.05, 4  # sections' lower end [m], or half a low robot's height; their number
 TOLD_M2, TOLD_SHARE = 0.05, 0.01  # area [m2] and fraction of a footprint that cause a warning
 _COUNTS_M2 = 0.005
 

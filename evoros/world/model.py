@@ -52,7 +52,7 @@ class World:
     bodies: Annotated[tuple[Body, ...], sequence_of(Body, "bodies")]
     course: Annotated[Course, A_COURSE]
     source: Annotated[str, TEXT]  # file, as named in the configuration
-    source_sha256: str  # digest of the content of the file
+    source_sha256: str  # digest of the file's content
     sampler: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: same world in all missions
     note: str = ""  # comment in the SDF on the origin of the world
     gravity_mps2: Annotated[float, POSITIVE] = 9.81  # downwards

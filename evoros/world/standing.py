@@ -36,7 +36,7 @@ class Part(NamedTuple):
 
     shape: Shape
     pose: Pose
-    area: Footprint  # footprint of the portion below a height, if any
+    area: Footprint  # footprint of the portion below a height, if one is given
     bottom: float  # [m]
     top: float  # [m]
 

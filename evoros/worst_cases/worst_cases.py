@@ -30,7 +30,7 @@ class WorstCases:
     """
 
     most: Annotated[int, checks.COUNT] = 6  # maximum number of failed sensors
-    # when sets fail
+    # times at which sets of sensors fail
     times_s: Annotated[Sequence[float], checks.NOT_NEGATIVES] = (0.0, 40.0, 80.0)
     latest_s: Annotated[float, checks.NOT_NEGATIVE] = 80.0  # maximum failure time of a mutant
     max_cases: Annotated[int, checks.COUNT] = 500  # all are tried up to this number per size
@@ -39,8 +39,8 @@ class WorstCases:
     screening: Annotated[int, checks.COUNT] = 6  # trials per case; 2 if both are completed
     candidates: Annotated[int, checks.COUNT] = 3  # cases per size with fresh trials
     trials: Annotated[int, checks.COUNT] = 40  # fresh trials per candidate, and without failures
-    stops_below: Annotated[float, checks.FRACTION] = 0.5  # completion rate in a world
-    confidence: Annotated[float, CONFIDENCE] = 0.95  # level of the result and of each interval
+    stops_below: Annotated[float, checks.FRACTION] = 0.5  # limit on the completion rate in a world
+    confidence: Annotated[float, CONFIDENCE] = 0.95  # confidence of the result and of each interval
 
     def __post_init__(self) -> None:
         if self.latest_s < min(self.times_s):
@@ -123,7 +123,7 @@ class CaseSearch:
     tried: dict[Case, CaseTrials] = field(default_factory=dict)
     nominal: CaseTrials = field(init=False)
     confirmed: list[CaseTrials] = field(default_factory=list)
-    whole: set[int] = field(default_factory=set)  # numbers of sensors whose sets were all tried
+    whole: set[int] = field(default_factory=set)  # set sizes of which all sets were tried
 
     def run(self) -> list[CaseTrials]:
         """Return the smallest cases that stop the design; empty if no case does."""

@@ -13,7 +13,7 @@ class Onset(ABC):
 
     @abstractmethod
     def draw(self, rng: Generator) -> tuple[Trigger, float]:
-        """Return an event and a delay [s]; every mission must draw equally many numbers."""
+        """Return an event and a delay [s]; every mission must draw equally many random numbers."""
 
 
 AN_ONSET = instance_of(Onset, "an onset (a subclass of evoros.parts.Onset)")

@@ -171,9 +171,9 @@ def _add_field(spec: Any, name: str, shape: Shape) -> str:
 def add_ground_pairs(
     spec: Any, soles: Iterable[Sole], slides: dict[str, Any], rolls: dict[str, Any]
 ) -> None:
-    """Let shapes collide with the ground, by contact parameters of sliding and rolling shapes.
+    """Let shapes collide with the ground; sliding and rolling shapes differ in parameters.
 
-    Friction is the product of coefficients, as in PyBullet; with the larger, ice has grip.
+    Friction is the product of both coefficients, as in PyBullet; the larger would give ice grip.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in product(soles, grounds):

@@ -50,7 +50,7 @@ class Settings(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Indices of the parts of a robot in a model and in its state."""
+    """Indices of a robot's parts in a model and in the model's state."""
 
     root: tuple[int, int]  # first index of the root link in ``qpos`` and ``qvel``
     servos: NDArray[np.intp]  # steering servos in ``ctrl``

@@ -19,7 +19,7 @@ from evoros.simulator.engines import mujoco_bodies
 from evoros.simulator.engines.teams import CHASSIS_FRICTION
 
 MOTOR_INERTIA = 1e6  # [kg m2] of a motor's rotor, so large that loads do not affect its rate
-ROOT_JOINT = "evoros root"  # name of the free joint of the root link
+ROOT_JOINT = "evoros root"  # name of the root link's free joint
 
 
 class Making(NamedTuple):
@@ -28,7 +28,7 @@ class Making(NamedTuple):
     wheel_friction: float
     gain: float  # fraction of the steering error corrected per step
     bond: dict[str, Any]  # contact parameters that couple joints to motors
-    prefix: str = ""  # prefix of all names of the robot
+    prefix: str = ""  # prefix of the names of all elements
     masks: tuple[int, int] = mujoco_bodies.MEETS[mujoco_bodies.ROBOT]  # contype and conaffinity
 
 

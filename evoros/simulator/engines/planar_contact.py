@@ -43,7 +43,7 @@ def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose
 
 @compilable
 def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> bool:
-    """Return True if a robot overlaps a fixed obstacle or a robot; record the other's contact."""
+    """Return True if a robot overlaps a fixed obstacle or a robot, whose contact is recorded."""
     motions = unpack(Memory, memory).motions
     touched = False
     for other in range(len(motions)):

@@ -21,7 +21,7 @@ PLACE = 0  # first column of every probe, the index of its signal
 FRAME, GRAVITY = 1, 8
 """Columns of a motion probe: the frame's position (3,) [m] and quaternion (4,); gravity [m/s2]."""
 MOTION_PROBE_SIZE = 9
-ZONE = 1  # first column of the zone of a contact probe
+ZONE = 1  # first column of a contact probe's zone
 CONTACT_PROBE_SIZE = ZONE + ZONE_SIZE
 
 
@@ -222,7 +222,7 @@ def _free_ranges(height: Array, slopes: Array, first: NDArray[np.int64], farthes
 
 
 def _edges(rays: Array, first: NDArray[np.int64], yaws: Array) -> Array:
-    """Return the outward normals (n, 4) of the edges of each beam; zeros unless a wedge."""
+    """Return the outward normals (n, 4) of the edges of each beam; zeros if it is no wedge."""
     x, y = rays[:, 0], rays[:, 1]
     angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
     angles = atan2_all(sin_all(angles), cos_all(angles))

@@ -81,7 +81,7 @@ def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple
 
 UNTOUCHED, PUSHED, BLOCKED = range(3)
 SWEEPS = 40  # maximum number of passes over all contacts; any overlap then left blocks the robot
-TOLERANCE_M = 1e-5  # tolerated overlap
+TOLERANCE_M = 1e-5  # tolerated overlap [m]
 
 Contact: TypeAlias = tuple[float, float, float, float, float, float]  # a ``polygon_contact``
 
@@ -131,7 +131,7 @@ def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
 
 @compilable
 def put_back(movables: Movables, placed: Placed) -> None:
-    """Restore the poses of all bodies before the last push."""
+    """Restore the poses that all bodies had before the last push."""
     for i in range(len(placed.levels)):
         if placed.levels[i] > 0.0:
             for k in range(bodies.POSE_SIZE):
@@ -141,7 +141,7 @@ def put_back(movables: Movables, placed: Placed) -> None:
 
 @compilable
 def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float) -> bool:
-    """Push bodies out of a robot's outline, also sideways if ``slip`` is 1; True if any overlap."""
+    """Push bodies out of a robot's outline (if ``slip`` is 1, also sideways); True on overlap."""
     x, y, _, _ = robot.pose
     overlaps = False
     for i in range(len(placed.levels)):

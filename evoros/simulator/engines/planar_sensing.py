@@ -22,7 +22,7 @@ UNSURE_RAD = 1e-4  # widens circles in ``find_span``, beyond its errors and unev
 
 @compilable
 def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -> None:
-    """Write the signals of all probes of a robot."""
+    """Write the signals of all probes on a robot."""
     probes, now = layout.probes_of(parameters, index), unpack(layout.Memory, memory)
     motion = now.motions[index]
     for i in range(len(probes.motion)):
@@ -39,7 +39,7 @@ def fill_signals(parameters: Array, memory: Array, index: int, signals: Array) -
 
 @compilable
 def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, signals: Array) -> None:
-    """Write the motion of the frame of a probe on a robot."""
+    """Write the motion of a probe's frame on a robot."""
     motion = unpack(layout.Memory, memory).motions[index]
     drive = unpack(layout.Drive, unpack(layout.Plane, parameters).drives[index])
     x, y, cos, sin = layout.pose_of(memory, index)
@@ -91,7 +91,7 @@ def sense(parameters: Array, memory: Array, signals: Array) -> None:
 
 
 def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
-    """Fill ``signals`` as ``sense`` does, which compiles faster, but for all sensors."""
+    """Fill ``signals`` for all sensors; ``sense``, which fills only ranges, compiles faster."""
     sense(parameters, memory, signals)
     places = unpack(layout.Plane, parameters).places
     for i in range(len(places) - 1):

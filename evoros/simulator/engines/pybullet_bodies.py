@@ -136,7 +136,7 @@ VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 ROBOT_BIT = 32  # group of the first of several robots, which collide; further bits follow
 
-MARGIN_M = 1e-4  # collision margin [m] of polyhedra; if smaller, rays miss, if larger, hit early
+MARGIN_M = 1e-4  # collision margin [m] of polyhedra; rays miss if it is less, hit early if more
 UPWARDS = 0.1  # minimum upward component of the contact normal for a supporting contact
 
 

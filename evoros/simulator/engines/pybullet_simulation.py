@@ -22,7 +22,7 @@ MAX_RAYS = 16_383  # maximum number of rays per call of ``rayTestBatch``
 
 
 class Span(NamedTuple):
-    """The rays of a beam within a batch."""
+    """The range of ray indices of one beam within a batch, with the beam's limits."""
 
     first: int
     end: int  # index after the last ray

@@ -130,7 +130,7 @@ class SteeredSight(NamedTuple):
 
 
 def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
-    """Return ``sight`` of a robot; ``clear_ranges`` (n,) [m] has one value per beam."""
+    """Pack a robot's ``SteeredSight``; ``clear_ranges`` (n,) [m] has one value per beam."""
     steered, (rays, starts) = robot.occluders.steered, robot.ray_table
     if not len(steered.rows) or not len(rays):
         return np.zeros(0)
@@ -171,14 +171,14 @@ class SteeredParts:
         self._see = compile_rule(see_parts, NOTHING(A1, A1, A1)) if self.exist else None
 
     def lower(self, angles: Array, ranges: Array) -> None:
-        """Shorten the range [m] of each beam that hits a part; ``angles`` as in ``see_parts``."""
+        """Shorten the range [m] of each beam that hits a part, with joints at ``angles`` [rad]."""
         if self._see is not None:
             self._see(self._sight, angles, ranges)
 
 
 @compilable
 def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
-    """Shorten the range [m] of each beam that hits a part; ``steering`` is a bicycle model's."""
+    """Shorten the range [m] of each beam that hits a part at a bicycle model's ``steering``."""
     parts = unpack(SteeredSight, sight).parts
     tangent = elementary.tan(steering)
     for index in range(len(parts)):

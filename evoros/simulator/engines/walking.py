@@ -1,4 +1,4 @@
-"""The walkers of a mission in a rigid-body engine, moved by their rule."""
+"""The walkers of a mission in a rigid-body engine, moved by ``evoros.walkers``."""
 
 from collections.abc import Sequence
 
