@@ -1,5 +1,6 @@
 """Short missions of many parts, for tests that compare how they are run."""
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -8,10 +9,12 @@ import numpy as np
 from evoros.compilation.rules import interpret_rule
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
+from evoros.mission.batch import Batcher, NoKernel
 from evoros.mission.compiled_loop import prepare
 from evoros.mission.inputs import STAGES, Loop, LoopCall, LoopInputs, LoopResult, Run
 from evoros.mission.loop import run_loop
 from evoros.mission.mission import Mission
+from evoros.mission.rollout import Rollout, run_mission
 
 SHORT = ["simulator=planar", "course.time_limit_s=6"]
 EARLY = ["failure.earliest_s=0", "failure.latest_s=4"]
@@ -47,6 +50,24 @@ def missions(experiment: Experiment, count: int) -> list[Mission]:
 def same(one: Any, other: Any) -> bool:
     """All bits of outcome and trajectory."""
     return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
+
+
+def run_together(
+    runner: Batcher, experiment: Experiment, chosen: Sequence[Mission]
+) -> list[Rollout]:
+    """Run missions of one experiment together."""
+    (answer,) = runner.run([(experiment.scenario, chosen)])
+    if isinstance(answer, NoKernel):
+        raise answer
+    return answer
+
+
+def assert_same(experiment: Experiment, runner: Batcher, count: int = 2) -> None:
+    chosen = missions(experiment, count)
+    together = run_together(runner, experiment, chosen)
+    alone = [run_mission(experiment.scenario, mission) for mission in chosen]
+    assert all(map(same, together, alone))
+    assert any(len(trajectory) > 10 for _, trajectory in alone)
 
 
 def watch(seen: list[tuple[Loop, LoopInputs]]) -> Run:

@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 from helpers import ROOT
 
+from evoros.files.plugins import find_plugins
+
 _FILLED = r"\{[^{}]*\}"
 _LIST = rf"\[(?:[^\[\]]|\[[^\]]*\]|{_FILLED})*\]"
 _VALUE = rf"(?:\"[^\"]*\"|{_LIST}|[a-z]+\([^)]*\)|(?:{_FILLED}|[^\s;,)'\"`])+)"
@@ -140,6 +142,12 @@ def list_alternatives(message: str, filled: Mapping[str, str]) -> list[list[str]
     parts = re.split(r",? or ", message.partition("; ")[2] or message)
     words = ([re.sub("[.:]$", "", match[0]) for match in OVERRIDE.finditer(part)] for part in parts)
     return [alternative for alternative in words if alternative]
+
+
+def has_plugin(key: str) -> bool:
+    """Return False if a key is of a message of a plug-in that is not there."""
+    parts = key.split("/")
+    return parts[1] != "plugins" or parts[2] in find_plugins()
 
 
 def is_of(message: str, key: str) -> bool:

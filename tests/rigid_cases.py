@@ -1,16 +1,15 @@
 """The rigid-body engines behind one set of questions, for the tests that all must pass."""
 
 import math
-from collections.abc import Sequence
+from importlib import import_module
 from typing import Any, Protocol
 
 import numpy as np
 import pytest
 
 from evoros.base.arrays import Array
-from evoros.geometry.shapes import Pose, normalize
-from evoros.plugins.gazebo.server import Operation
-from evoros.plugins.gazebo.simulator import Gazebo, GazeboSimulation
+from evoros.files.plugins import find_plugins
+from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import wake
 from evoros.simulator.mujoco import Mujoco
@@ -19,8 +18,10 @@ from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
-Rigid = PyBullet | Mujoco | Gazebo
-RIGID: dict[str, type[Rigid]] = {"pybullet": PyBullet, "mujoco": Mujoco, "gazebo": Gazebo}
+Rigid = PyBullet | Mujoco
+RIGID: dict[str, type[Rigid]] = {"pybullet": PyBullet, "mujoco": Mujoco}
+if "gazebo" in find_plugins():  # its engine has the settings that they have
+    RIGID["gazebo"] = import_module("evoros.plugins.gazebo.simulator").Gazebo
 MARKS = {"gazebo": [pytest.mark.gz_physics]}
 """Gazebo's engine needs packages of the system."""
 ENGINES = [
@@ -63,7 +64,9 @@ class Probe(Protocol):
 
 
 def probe(simulation: Any) -> Probe:
-    if isinstance(simulation, GazeboSimulation):
+    if hasattr(simulation, "_server"):
+        from evoros.plugins.gazebo.tests.gazebo_probe import GazeboProbe
+
         return GazeboProbe(simulation)
     return BulletProbe(simulation) if hasattr(simulation, "_bullet") else MujocoProbe(simulation)
 
@@ -171,53 +174,6 @@ class MujocoProbe:
         return 9.0 - float(
             library.mj_ray(self.model, self.data, at, down, seen_groups, True, -1, seen)
         )
-
-
-class GazeboProbe:
-    def __init__(self, simulation: GazeboSimulation) -> None:
-        self.simulation = simulation
-
-    def base(self) -> Pose:
-        return self._pose(self.simulation.values[:7].tolist())
-
-    def _pose(self, values: Sequence[float]) -> Pose:
-        x, y, z, qw, qx, qy, qz = values
-        return Pose((x, y, z), normalize((qx, qy, qz, qw)))
-
-    def movable(self) -> list[Pose]:
-        return [self._pose(row) for row in self.simulation.bodies.tolist()]
-
-    def _ask(self, *added: float) -> Array:
-        server, number = self.simulation._server, self.simulation._number
-        body = np.array(added).tobytes()
-        return server.ask(Operation.PROBE, number, body).reshape(-1, 3)
-
-    def push(self, force: float) -> None:
-        """By the change of speed in a step: the body is of 5 kg."""
-        self._ask(force / 5.0 * self.simulation._time_step, 0.0, 0.0)
-
-    def throw(self, speed: float) -> None:
-        self._ask(speed, 0.0, 0.0)
-
-    def wake(self) -> None:
-        """The engine computes all bodies in every step."""
-
-    def speeds(self) -> list[float]:
-        return [math.hypot(*row) for row in self._ask(0.0, 0.0, 0.0).tolist()]
-
-    def moments(self) -> list[float]:
-        pytest.skip("the library tells no moments of inertia; SDF has those of the body")
-
-    def angle(self, joint: str) -> float:
-        (vehicle,) = self.simulation._vehicles
-        drive, angles = vehicle._drive, self.simulation.values[vehicle.angles]
-        driven = [*drive.wheel_joints, *drive.steering_joints]
-        if joint not in driven:
-            pytest.skip("the server tells only the angles of joints that it drives")
-        return float(angles[driven.index(joint)])
-
-    def height(self, x: float, y: float) -> float:
-        pytest.skip("the library casts no rays; MuJoCo's do")
 
 
 def attitude(simulation: Any) -> tuple[float, float, float]:

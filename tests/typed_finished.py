@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from helpers import USER_PARTS
+from proposal_sites import has_plugin
 
 from evoros.analysis.command import evoros_analyze
 from evoros.api import Evaluator
@@ -363,4 +364,4 @@ OF_EVALUATIONS = (
     ),
 )
 
-CASES = (*OF_FIGURES, *OF_THE_PAPER, *OF_EVALUATIONS)
+CASES = [case for case in (*OF_FIGURES, *OF_THE_PAPER, *OF_EVALUATIONS) if has_plugin(case.key)]

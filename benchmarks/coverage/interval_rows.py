@@ -1,6 +1,6 @@
 """Intervals of analyses: of one sample, and of two."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -21,7 +21,7 @@ from evoros.analysis.statistics.small_samples import (
 )
 from evoros.analysis.statistics.two_samples import a12_interval
 from evoros.base.arrays import Array
-from evoros.plugins.evo_ros_2018.claims_designs import mean_distance, relative_difference
+from evoros.files.plugins import find_plugins
 
 UNEQUAL = ((10, 10, 1.0), (5, 20, 1.0), (10, 10, 5.0), (30, 10, 5.0), (20, 5, 5.0))
 """Sizes of two groups, and the spread of the second relative to the first."""
@@ -108,6 +108,8 @@ def _distance(name: str) -> float:
 
 
 def _spread(shape: Shape, n: int) -> Trial:
+    from evoros.plugins.evo_ros_2018.claims_designs import relative_difference
+
     def trial(rng: Generator) -> bool | None:
         samples = [shape.draw(rng, n) for _ in range(2)]
         one, other = (np.abs(x[:, None] - x) for x in samples)
@@ -135,6 +137,20 @@ def _list_groups(make: Callable[[Shape, int, int, float], Trial]) -> list[Row]:
 
 def _list_sizes(make: Callable[[Shape, int], Trial], sizes: Sequence[int]) -> list[Row]:
     return [Row(f"n = {n}", by_shape(make, n)) for n in sizes]
+
+
+def _list_claims() -> Iterator[Subject]:
+    """Yield the interval of the plug-in evo_ros_2018, if this is there."""
+    if "evo_ros_2018" in find_plugins():
+        from evoros.plugins.evo_ros_2018.claims_designs import mean_distance, relative_difference
+
+        yield Subject(
+            "difference of spreads of designs",
+            "claims",
+            [relative_difference, mean_distance],
+            _list_sizes(_spread, (8, 20)),
+            repetitions=SLOW,
+        )
 
 
 INTERVALS = (
@@ -191,13 +207,7 @@ INTERVALS = (
         ],
         repetitions=MANY,
     ),
-    Subject(
-        "difference of spreads of designs",
-        "claims",
-        [relative_difference, mean_distance],
-        _list_sizes(_spread, (8, 20)),
-        repetitions=SLOW,
-    ),
+    *_list_claims(),
     Subject(
         "rank correlation, bootstrap",
         "transfer",

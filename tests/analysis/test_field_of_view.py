@@ -1,19 +1,18 @@
 """A field of view is the width that was asked for, wherever it is printed, drawn or exported."""
 
 import math
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from bundled_parts import configured, kinds
 from comb import Comb
-from helpers import tiny
+from helpers import finished_run
 from lxml import etree
 from robot_cases import rover
+from sensor_runs import VIEWS, WIDE, read_widths
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.playback import encode_sensors
@@ -23,8 +22,6 @@ from evoros.config.compose import compose
 from evoros.controller.briefing_text import describe_briefing
 from evoros.controller.protocol import Briefing
 from evoros.formats.urdf.sensors import read_sensors
-from evoros.plugins.deploy.champion import read_champion
-from evoros.plugins.deploy.subcommand import plan_mounting
 from evoros.robot.seen import BEARINGS_DEG, find_seen
 from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
@@ -100,40 +97,17 @@ def test_a_sensor_that_states_no_field_has_that_of_its_rays(wide: float) -> None
     assert math.degrees(high - low) == pytest.approx(whole)
 
 
-WIDE = {"beam": 27.0, "ray": 0.0, "infrared": 7.5, "zone": 27.0, "lidar": 200.0, "comb": 60.0}
-"""The width [deg] of each sensor of ``design=views``, in its order."""
-
-
 @pytest.mark.slow
 def test_whatever_states_a_field_of_view_states_this_one(tmp_path: Path) -> None:
-    """The package's files, the mounting drawing, the panel and the report."""
-    run = tmp_path / "run"
-    more = ("simulator=planar", "controller/avoidance=blind", "optimizer.generations=1")
-    assert tiny(run, "design=views", *more) == DONE
+    """The panel and the report."""
+    run = finished_run(tmp_path / "run", *VIEWS)
     record = read_record(run, "run")
-    assert evoros_analyze(["deploy", str(run), "--output", str(tmp_path / "src")]) == DONE
-    (package,) = (tmp_path / "src").iterdir()
-    (parameters,) = yaml.safe_load((package / "config" / "robot.yaml").read_text()).values()
-    told = parameters["ros__parameters"]["evoros"]
-    assert list(read_widths(told.values())) == pytest.approx([*WIDE.values()])
-    lines = (package / "README.md").read_text().splitlines()
-    rows = [line.split("|") for line in lines if line.startswith(tuple(f"| `{w}_" for w in WIDE))]
-    assert [float(row[7]) for row in rows] == [*WIDE.values()]
-    plan = plan_mounting(read_champion(record))
-    assert [sensor.fov_deg for sensor in plan.sensors] == [*WIDE.values()]
     out = tmp_path / "out"
     assert evoros_analyze(["panel", str(run), "--output", str(out)]) == DONE
     panel = pd.read_csv(out / "panel.csv")
     assert panel.fov_deg.tolist() == [*WIDE.values()]
     drawn = encode_sensors(read_champion_sensors(record))
     assert [sensor["fov"] for sensor in drawn] == [round(math.radians(w), 4) for w in WIDE.values()]
-
-
-def read_widths(described: Iterable[Any]) -> Iterator[float]:
-    """The fields of view [deg] of all sensors in a description for programs."""
-    for values in described:
-        if isinstance(values, dict) and "field_of_view_rad" in values:
-            yield math.degrees(values["field_of_view_rad"])
 
 
 @pytest.mark.parametrize(("choice", "kind", "fields", "wide"), CASES)

@@ -1,35 +1,15 @@
-"""The player of the report and bags show every walker where it was in the mission."""
+"""The player of the report shows every walker where it was in the mission."""
 
 import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
-from bag_readers import ReadMessage, read_mcap
 from helpers import finished_run
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from recorded_walkers import PEOPLE, RADIUS_M, WORLDS, find_places
 
-from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.playback import encode_playback
-from evoros.analysis.tables.readings import list_walkers
 from evoros.analysis.tables.records import Record, read_record
-from evoros.base.arrays import Array
-from evoros.plugins.recordings.bags.messages import CYLINDER, mark_walker
-from evoros.terminal.console import DONE
-
-WORLDS = ("near", "far")
-RADIUS_M, HEIGHT_M = 0.31, 1.52
-PEOPLE = (
-    "simulator=planar",
-    "walkers=people",
-    "walkers.people.number=[1,4]",
-    f"walkers.people.radius_m={RADIUS_M}",
-    f"walkers.people.height_m={HEIGHT_M}",
-    "optimizer.generations=1",
-)
-"""A mission has one to four walkers, so that some of the columns can be empty."""
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +20,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def record(run: Path) -> Record:
     return read_record(run, "run")
-
-
-def find_places(flown: pd.DataFrame) -> dict[str, Array]:
-    """The places (n, 2) [m] of each walker that the mission had, by its name."""
-    columns = [str(name) for name in flown if flown[name].notna().any()]
-    walkers = [name for name in columns if name.startswith("walkers.") and name.endswith(".x_m")]
-    names = [name.removeprefix("walkers.").removesuffix(".x_m") for name in walkers]
-    places = {name: flown[[f"walkers.{name}.{axis}_m" for axis in "xy"]] for name in names}
-    return {name: columns.to_numpy(float) for name, columns in places.items()}
 
 
 @pytest.mark.parametrize("world", WORLDS)
@@ -67,49 +38,3 @@ def test_the_player_has_each_walker_at_each_record_to_the_millimetre(
         low, high = np.array(mission["extent"]).reshape(2, 2)
         assert (low <= shown).all()
         assert (shown <= high).all()
-
-
-@pytest.fixture(scope="module")
-def bags(run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[ReadMessage]]:
-    output = tmp_path_factory.mktemp("bags")
-    for world in WORLDS:
-        given = ["bag", str(run), "--world", world, "--format", "mcap", "--output", str(output)]
-        assert evoros_analyze(given) == DONE
-    return {world: read_mcap(output / f"bag_{world}" / f"bag_{world}.mcap") for world in WORLDS}
-
-
-@pytest.mark.parametrize("world", WORLDS)
-def test_the_bag_has_each_walker_at_each_record(
-    record: Record, bags: dict[str, list[ReadMessage]], world: str
-) -> None:
-    flown = record.run.trajectory(world)
-    messages = [message for message in bags[world] if message.topic == "/walkers"]
-    odometry = [message.stamp for message in bags[world] if message.topic == "/odom"]
-    assert [message.stamp for message in messages] == odometry
-    assert len(messages) == len(flown)
-    places = find_places(flown)
-    for index, message in enumerate(messages):
-        markers = {marker["ns"]: marker for marker in message.content["markers"]}
-        assert list(markers) == list(places)
-        for name, marker in markers.items():
-            at = marker["pose"]["position"]
-            assert [at["x"], at["y"]] == places[name][index].tolist()
-            assert marker["header"]["frame_id"] == "odom"
-
-
-@settings(max_examples=20)
-@given(st.lists(st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)), max_size=4))
-def test_a_marker_stands_on_the_ground_where_the_walker_is(
-    places: list[tuple[float, float]],
-) -> None:
-    table = {"time_s": [0.0]}
-    for index, (x, y) in enumerate(places):
-        at = f"walkers.people_{index}"
-        table |= {f"{at}.x_m": [x], f"{at}.y_m": [y], f"{at}.touched_by": [0.0]}
-    size = {"walkers.people.radius_m": RADIUS_M, "walkers.people.height_m": HEIGHT_M}
-    markers = [mark_walker(track, 0) for track in list_walkers(pd.DataFrame(table), size)]
-    assert [marker["ns"] for marker in markers] == [f"people_{i}" for i in range(len(places))]
-    for (x, y), marker in zip(places, markers, strict=True):
-        assert marker["type"] == CYLINDER
-        assert marker["pose"]["position"] == {"x": x, "y": y, "z": HEIGHT_M / 2}
-        assert marker["scale"] == {"x": 2 * RADIUS_M, "y": 2 * RADIUS_M, "z": HEIGHT_M}

@@ -13,13 +13,20 @@ from typed_finished import CASES, QUICK, WORDS, Finished, Step
 from evoros.analysis.drawing import style
 from evoros.base.errors import InputError
 from evoros.cli.main import evoros
-from evoros.plugins.evo_ros_2018 import numbered_figures
+from evoros.files.plugins import find_plugins
 from evoros.terminal.console import DONE, INPUT, NOT_DECIDED, NOT_MET
 
-FIGURES = (numbered_figures.FIGURES[1], *numbered_figures.FIGURES[-4:])
-"""A figure of each selection of runs."""
 Words = tuple[str, ...]
 Read = Callable[[], str]
+
+
+@pytest.fixture(autouse=True)
+def few_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the subcommand paper draw one figure of each selection of runs."""
+    if "evo_ros_2018" in find_plugins():
+        from evoros.plugins.evo_ros_2018 import numbered_figures as paper
+
+        monkeypatch.setattr(paper, "FIGURES", (paper.FIGURES[1], *paper.FIGURES[-4:]))
 
 
 @pytest.fixture
@@ -89,7 +96,6 @@ def test_a_message_stays_away_once_a_proposal_is_typed(
     case: Finished, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read: Read
 ) -> None:
     monkeypatch.setattr(style, "save", lambda *_: None)  # no message tells of a picture
-    monkeypatch.setattr(numbered_figures, "FIGURES", FIGURES)
 
     def enter(name: str) -> None:
         (tmp_path / name).mkdir()

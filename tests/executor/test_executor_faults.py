@@ -37,9 +37,11 @@ from evoros.base.errors import EvorosError, InputError, WorkerLost
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Executor, Pool
 from evoros.executor.serial import Serial
-from evoros.plugins.clusters.dask import Dask
+from evoros.files.plugins import find_plugins
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
+
+EXECUTORS = ["processes", *(["dask"] if "clusters" in find_plugins() else [])]
 
 
 @pytest.fixture(scope="module")
@@ -51,11 +53,16 @@ def scheduler(tmp_path_factory: Folders) -> Iterator[str]:
 def executor(name: str, request: pytest.FixtureRequest, time_limit_s: float) -> Executor:
     limits: dict[str, Any] = {"retries": 1, "time_limit_s": time_limit_s}
     if name == "dask":
+        from evoros.plugins.clusters.dask import Dask
+
         return Dask(request.getfixturevalue("scheduler"), **limits)
     return Processes(2, **limits)
 
 
-@pytest.fixture(scope="module", params=["processes", pytest.param("dask", marks=pytest.mark.slow)])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=[pytest.mark.slow] * (name == "dask")) for name in EXECUTORS],
+)
 def pool(request: pytest.FixtureRequest) -> Iterator[Pool]:
     with executor(request.param, request, 60).open() as pool:
         yield pool
@@ -87,7 +94,7 @@ FAULTS: dict[str, tuple[Callable[..., Any], tuple[object, ...], str]] = {
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("no_process_left")
-@pytest.mark.parametrize("name", ["processes", "dask"])
+@pytest.mark.parametrize("name", EXECUTORS)
 def test_faults_cost_only_the_calls_that_have_them(
     name: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:

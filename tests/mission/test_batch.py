@@ -1,24 +1,23 @@
 """Missions that a kernel runs together have the bytes of missions that run one after another."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import pytest
 from bundled_parts import kinds
-from gpu_cases import Result, StandInDriver, open_stand_in
-from mission_cases import COMBINATIONS, experiment_of, missions, same
+from mission_cases import COMBINATIONS, assert_same, experiment_of, missions, run_together, same
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.compilation.device import DeviceError, Host
+from evoros.compilation.device import Host
 from evoros.compilation.named_rules import Started
 from evoros.evolution.experiment import Experiment
 from evoros.filter.protocol import Channels, Filter
 from evoros.mission.batch import Batcher, NoKernel
-from evoros.mission.mission import REFUSED, Mission
-from evoros.mission.rollout import Rollout, run_mission
+from evoros.mission.mission import REFUSED
+from evoros.mission.rollout import run_mission
 
 SENSOR_FILTERS = sorted(set(kinds("filter")) - {"pose_drift", "pose_jump", "pose_noise"})
 EVERY_FILTER = [f"+filter@design.sensors.sonar.filters.{name}={name}" for name in SENSOR_FILTERS]
@@ -41,22 +40,6 @@ TOGETHER = [
 def batcher() -> Batcher:
     """One kernel learns the rules of all tests."""
     return Batcher(Host())
-
-
-def run(runner: Batcher, experiment: Experiment, chosen: Sequence[Mission]) -> list[Rollout]:
-    """Run missions of one experiment together."""
-    (answer,) = runner.run([(experiment.scenario, chosen)])
-    if isinstance(answer, NoKernel):
-        raise answer
-    return answer
-
-
-def assert_same(experiment: Experiment, runner: Batcher, count: int = 2) -> None:
-    chosen = missions(experiment, count)
-    together = run(runner, experiment, chosen)
-    alone = [run_mission(experiment.scenario, mission) for mission in chosen]
-    assert all(map(same, together, alone))
-    assert any(len(trajectory) > 10 for _, trajectory in alone)
 
 
 LONG = "course.time_limit_s=100"  # so that failures come
@@ -119,7 +102,7 @@ def test_a_mission_that_cannot_be_opened_leaves_the_others_alone() -> None:
     chosen = missions(experiment, 2)
     design = replace(chosen[0].design, values={"controller.avoidance.range_m": -1.0})
     chosen[0] = replace(chosen[0], design=design)
-    together = run(batcher(), experiment, chosen)
+    together = run_together(batcher(), experiment, chosen)
     assert together[0][0][0].ended == REFUSED
     for mission, result in zip(chosen, together, strict=True):
         assert same(result, run_mission(experiment.scenario, mission))
@@ -157,7 +140,7 @@ def test_missions_with_odd_rules_have_no_kernel() -> None:
         sensors = {"sonar": replace(sonar, filters={"odd": Odd(rule)})}
         odd = replace(experiment, design=replace(experiment.design, sensors=sensors))
         with pytest.raises(NoKernel, match=rf"test_batch\.{rule.__name__} {reason}") as caught:
-            run(batcher(), odd, missions(odd, 1))
+            run_together(batcher(), odd, missions(odd, 1))
         assert "\n" not in str(caught.value)
     assert_same(experiment, batcher())
 
@@ -165,66 +148,4 @@ def test_missions_with_odd_rules_have_no_kernel() -> None:
 def test_so_have_missions_in_a_live_engine() -> None:
     experiment = experiment_of("simulator=physics")
     with pytest.raises(NoKernel, match="the simulator or a controller cannot be compiled"):
-        run(batcher(), experiment, missions(experiment, 1))
-
-
-def test_missions_of_several_experiments_are_one_launch() -> None:
-    driver = StandInDriver()
-    runner = Batcher(open_stand_in(driver))
-    experiments = [experiment_of(*COMBINATIONS[k]) for k in (1, 0)]
-    experiments.insert(1, experiment_of("simulator=physics"))
-    asked = [(one.scenario, missions(one, 1)) for one in experiments]
-    answers = runner.run(asked)
-    assert isinstance(answers[1], NoKernel)
-    for k in (0, 2):
-        answer, alone = answers[k], [run_mission(asked[k][0], one) for one in asked[k][1]]
-        assert isinstance(answer, list)
-        assert all(map(same, answer, alone))
-    assert driver.launches == [len(asked[0][1]) + len(asked[2][1])]
-    assert not driver.taken
-
-
-def test_a_gpu_is_driven_by_the_functions_of_its_driver() -> None:
-    driver = StandInDriver()
-    experiment = experiment_of(*COMBINATIONS[1])
-    assert_same(experiment, Batcher(open_stand_in(driver)))
-    assert driver.launches == [len(missions(experiment, 2))]
-    assert not driver.taken
-
-
-def test_too_many_missions_for_the_memory_are_launched_in_parts() -> None:
-    driver = StandInDriver()
-    experiment = experiment_of(*COMBINATIONS[1])
-    runner, chosen = Batcher(open_stand_in(driver)), missions(experiment, 2)
-    taken: list[int] = []
-    take = driver.cuMemAlloc
-    driver.cuMemAlloc = lambda size: taken.append(size) or take(size)  # type: ignore[method-assign,func-returns-value]
-    assert_same(experiment, runner)
-    driver.memory_size = taken[0] // 2
-    driver.launches.clear()
-    assert_same(experiment, runner)
-    assert len(driver.launches) > 1
-    assert sum(driver.launches) == len(chosen)
-    driver.memory_size = 1
-    with pytest.raises(DeviceError, match="cuMemAlloc of the driver reports CUDA_ERROR_OUT_OF_M"):
-        run(runner, experiment, chosen)
-
-
-def test_a_gpu_that_fails_gives_an_error_of_one_line_and_no_result() -> None:
-    driver = StandInDriver()
-    experiment = experiment_of(*COMBINATIONS[1])
-    runner, chosen = Batcher(open_stand_in(driver)), missions(experiment, 1)
-    for function, error, fix in (
-        ("cuModuleLoadData", Result.CUDA_ERROR_UNSUPPORTED_PTX_VERSION, TOO_OLD),
-        ("cuLaunchKernel", Result.CUDA_ERROR_ILLEGAL_ADDRESS, ""),
-        ("cuCtxSynchronize", Result.CUDA_ERROR_ILLEGAL_ADDRESS, ""),
-        ("cuMemcpyDtoH", Result.CUDA_ERROR_ILLEGAL_ADDRESS, ""),
-    ):
-        driver.errors = {function: error}
-        with pytest.raises(DeviceError) as caught:
-            run(runner, experiment, chosen)
-        assert str(caught.value) == f"{function} of the driver reports {error.name}{fix}"
-        assert not driver.taken
-
-
-TOO_OLD = " (the driver is too old; install a newer driver)"
+        run_together(batcher(), experiment, missions(experiment, 1))

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from rigid_cases import MARKS
+from rigid_cases import MARKS, RIGID
 
 from evoros.base.arrays import CONTACT, LEG_SIZE, STATE_SIZE, X, Y
 from evoros.config.compose import compose
@@ -21,12 +21,13 @@ pytestmark = pytest.mark.usefixtures("closed_engines")
 PACE = 0.29  # m/s, which the controller commands
 AT_WALL_S = 10.0
 WALL = Body("wall", Pose((1.0, 0.0, 0.5)), (Shape("box", (0.2, 8.0, 1.0)),))
-DRIVEN = [
+PAIRS = [
     ("mujoco", "erle_rover"),
     ("mujoco", "two_wheeler"),
     ("pybullet", "erle_rover"),
-    pytest.param("gazebo", "two_wheeler", marks=MARKS["gazebo"]),
+    ("gazebo", "two_wheeler"),
 ]
+DRIVEN = [pytest.param(*pair, marks=MARKS.get(pair[0], ())) for pair in PAIRS if pair[0] in RIGID]
 
 
 @cache

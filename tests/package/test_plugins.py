@@ -4,9 +4,11 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from helpers import ROOT
 
 from evoros.files import plugins
 from evoros.files.plugins import BUNDLED, Plugin, find_plugins
@@ -85,6 +87,16 @@ def test_the_choice_of_a_missing_plugin_is_answered_by_how_to_get_it(
     assert plugins.explain_missing("seed=0") == ""
 
 
+def copy_package(folder: Path, kept: Sequence[str]) -> list[str]:
+    """Copy the package with some of the plug-ins; return the names of the others."""
+    left_out = [name for name in BUNDLED if name not in kept]
+    ignored = shutil.ignore_patterns(*left_out)
+    shutil.copytree(PACKAGE / "plugins", folder / "evoros" / "plugins", ignore=ignored)
+    ignored = shutil.ignore_patterns("plugins")
+    shutil.copytree(PACKAGE, folder / "evoros", ignore=ignored, dirs_exist_ok=True)
+    return left_out
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", [[], ["barn"]], ids=["none", "barn"])
 def test_the_core_works_without_any_of_them(kept: list[str], tmp_path: Path) -> None:
@@ -93,11 +105,7 @@ def test_the_core_works_without_any_of_them(kept: list[str], tmp_path: Path) -> 
     Those of the plug-in with experiments work without the others. ``.ci/plugins`` runs the whole
     quick suite without each of them.
     """
-    left_out = [name for name in BUNDLED if name not in kept]
-    ignored = shutil.ignore_patterns(*left_out)
-    shutil.copytree(PACKAGE / "plugins", tmp_path / "evoros" / "plugins", ignore=ignored)
-    ignored = shutil.ignore_patterns("plugins")
-    shutil.copytree(PACKAGE, tmp_path / "evoros", ignore=ignored, dirs_exist_ok=True)
+    left_out = copy_package(tmp_path, kept)
     command = [sys.executable, "-c", WITHOUT, *kept]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -110,3 +118,15 @@ def test_the_core_works_without_any_of_them(kept: list[str], tmp_path: Path) -> 
         assert f": needs the plug-in {name}, which is not installed; restore" in next(lines)
         assert next(lines) == f"{name} {INPUT}"
     assert not list(lines)
+
+
+@pytest.mark.slow
+def test_the_tests_of_the_core_import_none_of_them(tmp_path: Path) -> None:
+    """A copy that has no plug-in collects them."""
+    copy_package(tmp_path, ())
+    shutil.copytree(ROOT / "tests", tmp_path / "tests")
+    for name in ("benchmarks", "docs", "conf", "worlds", "README.md", "pyproject.toml"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    command = [sys.executable, "-m", "pytest", "tests", "--collect-only", "-p", "no:cacheprovider"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-3000:]

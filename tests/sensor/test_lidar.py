@@ -16,7 +16,6 @@ from evoros.config.compose import compose
 from evoros.filter.growing_noise import GrowingNoise
 from evoros.filter.protocol import Channels
 from evoros.geometry.shapes import Pose, Shape
-from evoros.plugins.recordings.video.blending import blend
 from evoros.robot.model import Robot
 from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
@@ -154,21 +153,6 @@ def test_ranges_are_shown_by_sensor_and_sector() -> None:
     sectors = merge_sectors(lidar, bearings.tolist(), MAX_SECTORS)
     assert len(sectors) == MAX_SECTORS
     assert [sector[0] for sector in sectors] == [71.0 - 2 * k for k in range(MAX_SECTORS)]
-
-
-@pytest.mark.parametrize("ranges", [[1.0, 2.0, 3.0, 4.0], [2.5]])
-def test_a_fan_of_a_scan_ends_at_the_range_of_each_sector(ranges: list[float]) -> None:
-    """Seen from above, 10 pixels a metre."""
-    picture, depth = np.zeros((100, 100, 3), np.float32), np.full((100, 100), 2.0, np.float32)
-    plane = np.array([[0.1, 0.0, -5.0], [0.0, 0.1, -5.0], [0.0, 0.0, 1.0]])
-    shape = np.array([math.pi, 4.0, 10.0, 0.0, 0.0, 1.0])
-    blend(picture, depth, np.array([0, 100] * 2), plane, shape, np.array(ranges), np.ones(3))
-    for angle, reach in zip(
-        np.radians([-135, -45, 45, 135]), np.broadcast_to(ranges, 4), strict=True
-    ):
-        for distance, is_seen in ((reach - 0.3, True), (reach + 0.3, False)):
-            column, row = (int(50 + 10 * distance * f(angle)) for f in (np.cos, np.sin))
-            assert (picture[row, column, 0] > 0.0) == is_seen
 
 
 eyes = st.builds(

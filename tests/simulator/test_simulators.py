@@ -4,7 +4,6 @@ from functools import cached_property
 
 import pytest
 
-from evoros.plugins.gazebo.simulator import Gazebo
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet
@@ -28,21 +27,6 @@ class TestMujocoWithMovableBodies(SimulatorSuite):
     @cached_property
     def world(self) -> World:
         return example_world("blocks")
-
-
-@pytest.mark.gz_physics
-@pytest.mark.usefixtures("closed_engines")
-class TestGazebo(SimulatorSuite):
-    bad_values = (
-        {"wheel_friction": 0.0},
-        {"steering_lag_s": -1.0},
-        {"answer_limit_s": 0.0},
-        {"time_step": 0.1},
-    )
-
-    @cached_property
-    def part(self) -> Gazebo:  # type: ignore[override]
-        return Gazebo()
 
 
 @pytest.mark.usefixtures("closed_engines")

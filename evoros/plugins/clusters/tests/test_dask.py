@@ -44,6 +44,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="stops processes
 LIMIT_S = 120.0
 SLOWLY = ("simulator.pause_s=0.05", "executor=dask", "hydra.run.dir=run")
 GENERATIONS = "optimizer.generations=4"
+HASTY = "evoros.plugins.clusters.tests.hasty_dask"
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +83,7 @@ def test_a_killed_scheduler_stops_the_run_in_one_line_and_a_cluster_of_its_own_g
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))
     with cluster(tmp_path, workers=1) as first:
-        run = start([*TINY, GENERATIONS, *SLOWLY, first.key], tmp_path, "hasty_dask")
+        run = start([*TINY, GENERATIONS, *SLOWLY, first.key], tmp_path, HASTY)
         wait_for_missions(tmp_path / "run", 8)
         assert first.scheduler is not None
         first.scheduler.kill()

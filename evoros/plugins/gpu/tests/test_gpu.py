@@ -12,7 +12,6 @@ from typing import Any
 
 import pytest
 from fixture_types import Log, Patch
-from gpu_cases import Result, StandInDriver
 from mission_cases import COMBINATIONS, SHORT, experiment_of, missions, same
 from proposal_sites import is_of
 
@@ -29,6 +28,7 @@ from evoros.mission.rollout import run_mission
 from evoros.plugins.gpu import executor as gpu
 from evoros.plugins.gpu.cuda import import_driver, require_gpu
 from evoros.plugins.gpu.executor import Gpu, GpuBatches, Joining, Part
+from evoros.plugins.gpu.tests.gpu_cases import Result, StandInDriver
 from evoros.terminal.console import STOPPED
 from evoros.testing import ExecutorSuite
 

@@ -1,6 +1,7 @@
-"""A robot in pictures looks as its meshes do."""
+"""A robot in pictures looks as its meshes do, and a fan of a scan as its ranges."""
 
 import logging
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from meshed_robot import BLACK, GLASS, PAINT, RED, TYRE_M, WHEEL_M, write_meshed
 
 from evoros.formats.mesh_files import read_faces
 from evoros.geometry.shapes import MeshFile, Pose, Shape
+from evoros.plugins.recordings.video.blending import blend
 from evoros.plugins.recordings.video.camera import Camera, to_matrix
 from evoros.plugins.recordings.video.scene import UNPAINTED, Scene, ShownRobot
 from evoros.plugins.recordings.video.surfaces import Surface
@@ -116,3 +118,18 @@ def test_the_colours_of_a_mesh_do_not_change_its_faces(tmp_path: Path) -> None:
             np.sort(faces.triangles.reshape(-1, 9), axis=0) for faces in (plain, painted)
         )
         np.testing.assert_array_equal(result, expected)
+
+
+@pytest.mark.parametrize("ranges", [[1.0, 2.0, 3.0, 4.0], [2.5]])
+def test_a_fan_of_a_scan_ends_at_the_range_of_each_sector(ranges: list[float]) -> None:
+    """Seen from above, 10 pixels a metre."""
+    picture, depth = np.zeros((100, 100, 3), np.float32), np.full((100, 100), 2.0, np.float32)
+    plane = np.array([[0.1, 0.0, -5.0], [0.0, 0.1, -5.0], [0.0, 0.0, 1.0]])
+    shape = np.array([math.pi, 4.0, 10.0, 0.0, 0.0, 1.0])
+    blend(picture, depth, np.array([0, 100] * 2), plane, shape, np.array(ranges), np.ones(3))
+    for angle, reach in zip(
+        np.radians([-135, -45, 45, 135]), np.broadcast_to(ranges, 4), strict=True
+    ):
+        for distance, is_seen in ((reach - 0.3, True), (reach + 0.3, False)):
+            column, row = (int(50 + 10 * distance * f(angle)) for f in (np.cos, np.sin))
+            assert (picture[row, column, 0] > 0.0) == is_seen
