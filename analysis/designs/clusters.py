@@ -1,4 +1,4 @@
-"""The number of clusters among points, tested against cluster-free clouds and a larger sample."""
+"""The number of clusters among points, with tests against random clouds and larger samples."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -147,7 +147,7 @@ def describe_designs(
     near_m: float = NEAR_M,
     near_deg: float = NEAR_DEG,
 ) -> pd.DataFrame:
-    """Compute the features of champions and of comparable random designs, one row per design."""
+    """Compute features of champions and comparable random designs, one row per design."""
     best = _describe(champions, rings, near_m, near_deg).assign(random=False)
     clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
     if clusters.real:  # the mean of a cluster classifies each champion in it

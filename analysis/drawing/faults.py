@@ -35,7 +35,7 @@ _PART: dict[str, Any] = {**_POINT, "marker": "D", "ms": 5.5, "mfc": VERMILLION}
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
 _WIDEST_PT = 6.0  # maximum width [pt] of a growing error's band
 GROWN_S = 60.0  # time [s] at which this band reaches its full width
-_STRETCHES = 60  # number of segments of a widening band
+_STRETCHES = 60  # number of segments in a widening band
 
 
 def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> None:
@@ -64,7 +64,7 @@ def _name_part(axes: Axes, place: tuple[float, float], name: str) -> None:
 def _split(
     path: pd.DataFrame, failed: str = "failed_sensors", failed_by: str = "failed_by"
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield each effect with the rows in which it occurs, limited to the items with that effect."""
+    """Yield each effect with the rows in which it occurs, which list only failures of this kind."""
     if failed not in path:
         return
     hit = path[path[failed].fillna("") != ""]  # parts of other robots cannot fail
@@ -142,7 +142,7 @@ def draw_direction(axes: Axes, path: pd.DataFrame, phase: int) -> None:
 
 
 def make_phase_handles(tracks: pd.DataFrame) -> list[Line2D]:
-    """Make the legend entries of the phases; none if there is a single phase."""
+    """Make the legend entries for the phases; none if there is a single phase."""
     worlds = [rows for _, rows in tracks.groupby("world")]
     phases = {phase for rows in worlds for phase, _ in split_by_phase(rows)}
     words = {1: "first phase", 2: "second phase"}

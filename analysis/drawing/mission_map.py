@@ -104,7 +104,7 @@ def make_handles(
     touched: bool,
     effects: Mapping[str, str] | None = None,
 ) -> list[Artist]:
-    """Make the legend entries of the main robot and of collisions."""
+    """Make the legend entries for the main robot and for collisions."""
     driven = set(tracks["mode"])
     handles: list[Artist] = [
         Line2D([], [], color=colour, lw=width, label=name)
@@ -231,7 +231,7 @@ def _place(points: Array, pose: Sequence[float]) -> Array:
 
 
 def make_companion_handles(names: Sequence[str]) -> list[Line2D]:
-    """Make the legend entries of the other robots."""
+    """Make the legend entries for the other robots."""
     handles = [Line2D([], [], label=name, **_choose_style(i)) for i, name in enumerate(names)]
     if handles:
         handles.append(Line2D([], [], ls="none", label="closest approach (time)", **_MEETING))
@@ -264,7 +264,7 @@ def _find_nearest(walker: Array, robot: Array) -> int:
 
 
 def make_walker_handles(walkers: Sequence[WalkerTrack]) -> list[Artist]:
-    """Make the legend entries of the walkers."""
+    """Make the legend entries for the walkers."""
     if not walkers:
         return []
     handles: list[Artist] = [

@@ -67,7 +67,7 @@ class PlacedSensor:
 
 @dataclass(frozen=True, eq=False)
 class MountingPlan:
-    """The content of a drawing, with dimensions from the datum, the origin of the robot's frame."""
+    """The content of a drawing; dimensions are measured from the robot's origin, the datum."""
 
     title: str
     source: str
@@ -88,7 +88,7 @@ class MountingPlan:
 
 
 LINE = 3.9  # line height [mm] of the table and the notes
-_ARROW = 11.0  # length [mm] on the page of a sensor's arrow
+_ARROW = 11.0  # length [mm] of a sensor's arrow on the page
 _LABEL = 19.0  # distance [mm] of a label from its sensor
 _BALLOON, _ANGLE = 3.9, 11.0  # diameter [mm] of a number's circle, and width of an angle
 _COLUMNS = (
@@ -228,7 +228,7 @@ _BODY, _WHEEL = "0.9", "0.72"
 _LEFT, _RIGHT = 16.0, 42.0  # margins [mm] left and right of the views
 _ABOVE, _BETWEEN, _BELOW = 38.0, 40.0, 17.0  # space [mm] above, between and below the views
 _TALL, _MINIMUM = 280.0, 60.0  # maximum page height, and minimum height of both views [mm]
-_FAN = 9.0  # length [mm] on the page of a field of view
+_FAN = 9.0  # length [mm] of a field of view on the page
 
 
 def draw_mounting(plan: MountingPlan) -> Figure:

@@ -181,7 +181,7 @@ class Champions:
 
     @cached_property
     def numbers(self) -> "pd.Series[int]":
-        """The number of champions of each treatment."""
+        """The number of champions per treatment."""
         return self.sensors.groupby("treatment").run.nunique()
 
     @property

@@ -23,7 +23,7 @@ from .finish import fit_text, letter, prepare_figure
 _DPI = 300
 COLOURS = 256
 VISIBLE = 0.1  # mean error, in steps of 1/255, above which a palette is not used
-COLUMN_IN = 3.5  # width of a column of a two-column page
+COLUMN_IN = 3.5  # width of a column on a two-column page
 PAGE_IN = 7.0  # width of a two-column page
 FONT_PT = 8.0
 STYLE: dict[Any, Any] = {

@@ -34,7 +34,7 @@ FILES = ("archive.csv", "archive_growth.csv")
 DESIGNS, COLUMNS = 6, 2  # numbers of designs next to a single map, and of their columns
 MOST_COLUMNS = 5  # maximum number of maps per row
 MAP_IN, PANEL_IN, BELOW_IN = 3.5, 1.02, 1.95
-STEP_IN = 1.28  # height [in] of a row of designs below the map
+STEP_IN = 1.28  # height [in] of a design row below the map
 LINE_IN = 0.14
 LETTERS = 90  # title characters per row of maps
 

@@ -26,7 +26,7 @@ HELP = "each champion against no sensors, random search and hand-made designs"
 NEEDS = "runs with controls"
 FILES = ("controls.csv", "controls_summary.csv")
 LOOKS = {"control": (VERMILLION, 7.0, "white"), "champion": (BLUE, 4.0, BLUE)}
-"""Edge colour, size and face colour of the markers of controls and champions."""
+"""Edge colour, size and face colour of markers for controls and champions."""
 INTERVAL = "95 % confidence interval for the difference"
 ROW_IN, HEAD_IN = 0.24, 1.1
 NAME_LENGTH = 28

@@ -42,7 +42,7 @@ ENDINGS = {
     "time_limit": "time limit, {:.0f} s",
 }
 _PANEL_IN = 1.7  # minimum width [in] of a panel
-_ERRORS_IN = 1.3  # height [in] of a panel of errors
+_ERRORS_IN = 1.3  # height [in] of an error panel
 _PER_IN, _SMALL_PER_IN = 13.5, 16.5  # characters per inch of titles, and of legends
 _HARD_SPACE = "\N{NO-BREAK SPACE}"
 _HANDLE = 6  # width of a legend marker in characters
@@ -52,7 +52,7 @@ UNITS = {
     "mps2": "acceleration\n[m/s²]",
     "": "closed",  # unit of bumpers
 }
-PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights of a panel of readings, and of the legend
+PANEL_IN, LEGEND_IN = 0.85, 0.6  # heights [in] of a readings panel and of the legend
 _STYLES = ("-", "--", "-.", ":")
 
 
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the missions of the champion of the named run (default: the best run)."""
+    """Draw the missions of the named run's champion (default: the best run's)."""
     study.check_worlds(options.world or [])
     record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world), True)
     walkers = {name: read_walkers(record, name) for name in worlds}
@@ -100,7 +100,7 @@ class Missions:
 
     @property
     def effects(self) -> Mapping[str, str]:
-        """The effect of each kind of fault on readings, by name."""
+        """The effect on readings of each kind of fault, by name."""
         return self.robots[""].failure.effects if self.robots else {}
 
     @cached_property

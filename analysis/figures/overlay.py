@@ -161,7 +161,7 @@ def _draw_counts(
     axes: Axes, context: FigureContext, cover: pd.DataFrame, view: Window, shades: Shades
 ) -> None:
     robot.draw_robot(axes, context)
-    robot.draw_robot(axes, context, 0.5, order=3)  # wheels appear through cones
+    robot.draw_robot(axes, context, 0.5, order=3)  # wheels remain visible through cones
     if cover.empty:
         return
     half = float(cover.cell_m.iloc[0]) / 2

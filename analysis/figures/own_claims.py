@@ -150,7 +150,7 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> finding.Finding:
 
     The value is the mean over the champions, or the difference between two such means. A claim is
     supported if the interval lies beyond the threshold, and if the champions differ from the random
-    designs of their runs in the same direction.
+    designs of their runs in this direction too.
     """
     values = measure_runs(claim.measure, study, near, claim.place)
     groups = [claim.treatments, *([claim.against] if claim.against else [])]

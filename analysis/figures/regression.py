@@ -256,6 +256,6 @@ def _label(axes: Axes, known: bool, low: float, high: float, end: float) -> None
         ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
         axis.set_ticks([tick for tick in ticks if known and low <= tick <= high])
     style: dict[str, Any] = {"fontsize": SMALL, "color": "0.4"}
-    middle = (low + high) / 2  # centre of the labels of the bands
+    middle = (low + high) / 2  # centre of the bands' labels
     axes.text(middle, end, "not completed in B", ha="center", va="bottom", **style)
     axes.text(end, middle, " not completed in A", ha="left", va="center", rotation=270, **style)

@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw one design; tables list cases, sets by size, and risks of all designs."""
+    """Draw one design; tables list the cases, the sets by size, and the risks of all designs."""
     missions = collect_missions(study)
     counts = dict(pair for record in study.evaluations for pair in count_sensors(record))
     cases, risks = list_cases(missions), estimate_risks(missions)

@@ -160,7 +160,7 @@ _OUTLINE = Markup(
     '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
 )
 _NAMESPACE = re.compile(r"\{[^}]*\}")
-MAX_ROWS = 400  # maximum number of rows of a table on the page; longer tables are omitted
+MAX_ROWS = 400  # maximum number of table rows on the page; longer tables are omitted
 
 
 FIGURE_OF_PAPER = re.compile(r" \([^()]*Figs?\. [^()]*\)")  # captions omit these
@@ -176,7 +176,7 @@ class Section:
     caption: str = ""
     picture: Markup | None = None
     messages: Sequence[str] = ()
-    rows: int = 0  # number of rows of the table
+    rows: int = 0  # number of rows in the table
     numbers: Table | None = None  # None if there is no table or it has too many rows
     left_out: Sequence[str] = ()
 

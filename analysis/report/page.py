@@ -22,7 +22,7 @@ from .frame import Page, format_table, make_section, render, render_page
 from .maps import TITLES, DesignMap, make_maps
 from .playback import PLAYER, Flown, Json, encode_shown, select_playbacks
 
-MAX_RECORDS = 300  # maximum number of samples per mission of designs on maps
+MAX_RECORDS = 300  # maximum number of samples per mission, for designs on maps
 
 
 @dataclass

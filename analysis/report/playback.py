@@ -265,7 +265,7 @@ def _encode_walker(walker: readings.WalkerTrack, rows: Sequence[int]) -> Json:
 
 
 def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterator[Json]:
-    """Encode the onset and effect of each sensor failure, and the seconds until fully drawn."""
+    """Encode the onset and effect of each sensor failure, and how long its mark grows [s]."""
     for sensor, time, effect in list_failures(row):
         kind = effects.get(effect, ENDS)
         grown_s = GROWN_S if kind == GROWS else 0.0

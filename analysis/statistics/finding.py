@@ -16,7 +16,7 @@ SIZE = 0.2  # difference below which shares, or spreads relative to random desig
 
 @dataclass(frozen=True)
 class Finding:
-    """A row of the table of claims."""
+    """A row in the table of claims."""
 
     claim: str  # text of the claim
     measure: str  # the measured quantity

@@ -20,7 +20,7 @@ MIN_SCATTER = 3  # minimum replicates of a single treatment; several treatments 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Deviations of replicates from the means of their treatments."""
+    """Deviations of replicates from their treatments' means."""
 
     residuals: Array  # pooled over treatments
     treatments: int  # number of treatments
@@ -56,7 +56,7 @@ class Simulation:
     """
 
     scatter: Scatter
-    comparisons: int  # number of comparisons in the adjustment of p-values
+    comparisons: int  # number of comparisons for which p-values are adjusted
     samples: int = SAMPLES
 
     @cached_property

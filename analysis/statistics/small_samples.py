@@ -102,7 +102,7 @@ def share_difference(count: int, total: int, other_count: int, other_total: int)
 
 
 def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
-    """Return the two-sided p-value of Fisher's exact test of two shares; NaN if a total is 0."""
+    """Return the two-sided p-value of Fisher's exact test on two shares; NaN if a total is 0."""
     if not total or not other_total:
         return np.nan
     table = [[count, total - count], [other_count, other_total - other_count]]

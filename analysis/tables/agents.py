@@ -73,7 +73,7 @@ class _AgentRun(Run):
 
 
 def select_agent(record: AnyRecord, name: str) -> AnyRecord:
-    """Return the record of a run reduced to one of its agents."""
+    """Return a run's record, reduced to one of its agents."""
     whole = record.run
     has_design = any(key.startswith(f"agents.{name}.design.") for key in record.values)
     designed = name if has_design else ""
@@ -87,7 +87,7 @@ def select_agent(record: AnyRecord, name: str) -> AnyRecord:
 
 
 def list_robots(record: Record) -> list[Record]:
-    """Return a record of the run for each of its robots."""
+    """Return one record of the run per robot."""
     whole = record
     if isinstance(record.run, _AgentRun):
         whole = replace(record, run=record.run.whole, context=record.run.context, agent="")

@@ -66,7 +66,7 @@ def require_trajectories(record: Record) -> None:
 
 
 def load_shown_world(record: Record, name: str) -> World:
-    """Load the world of the first mission of the champion or current best design."""
+    """Load a world as in the first mission of the champion or current best design."""
     design = find_shown(record)
     if design is None:
         return load_champion_world(record.run, record.context, name)

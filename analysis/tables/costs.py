@@ -180,7 +180,7 @@ class Race:
 
 
 def hold_race(study: Study, axis: str, budget: float | None, target: float | None) -> Race:
-    """Score each run by cost up to a common budget, by the best fitness in the last generation."""
+    """Score each run by its mean best fitness over the cost, up to a common budget."""
     costs = {record.name: read_costs(record, axis) for record in study.records}
     span, table = find_span(costs, axis, budget), add_costs(study, axis)
     traces = {str(run): trace_costs(rows, axis) for run, rows in table.groupby("run")}

@@ -122,7 +122,7 @@ def read_best(record: Record) -> pd.DataFrame:
 
 
 def read_initial_sensors(record: Record) -> pd.DataFrame:
-    """Read the sensors of the random designs of generation 0."""
+    """Read the sensors of the random designs in generation 0."""
     drawn = select_random(read_generations(record))
     return place_candidates(drawn.drop_duplicates("id"), record)
 
@@ -194,7 +194,7 @@ def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
     areas = [record.context.regions[region] for region in mounts.region]
     mounts = mounts.assign(link=[area.link for area in areas])
     for name in ("z_m", "pitch_deg"):
-        if name not in mounts:  # constant in each region
+        if name not in mounts:  # not evolved; constant in each region
             mounts[name] = [getattr(area, name)[0] for area in areas]
     if "type" in mounts:
         return mounts
@@ -225,7 +225,7 @@ def trace_fitness(generations: pd.DataFrame) -> pd.DataFrame:
 
 
 def list_individuals(generations: pd.DataFrame, axis: str = "generation") -> pd.DataFrame:
-    """List a run's candidates with costs, and with ``trace_fitness`` at their generation."""
+    """List a run's candidates with costs and with the ``trace_fitness`` of their generation."""
     names = {"recorded": "best_recorded", "validated": "best_validated"}
     first = dict.fromkeys(("generation", axis, "id", "operator", "fitness", "validated_fitness"))
     table = generations[list(first)]

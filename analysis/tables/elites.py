@@ -184,7 +184,7 @@ def read_front(study: Study, options: argparse.Namespace) -> Front:
 
 
 def find_front(values: Array) -> Array:
-    """Return a mask of the nondominated rows of (n, objectives), all maximized."""
+    """Return a mask of the nondominated rows of values (n, objectives), all to be maximized."""
     kept = np.ones(len(values), dtype=bool)
     for i, row in enumerate(values):
         better = np.all(values >= row, axis=1) & np.any(values > row, axis=1)

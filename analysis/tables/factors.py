@@ -1,4 +1,4 @@
-"""The factors of a study: parts (``failure``), values, and levels by the user (``treatment``)."""
+"""The factors of a study: parts (``failure``), values, and the user's levels (``treatment``)."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ Values = Mapping[str, Any]  # configuration values by dotted key
 Choices = Mapping[str, str]  # option of each group, by the dotted key of the configured part
 Given = Mapping[str, Any]  # name of a treatment and levels by factor, as given by the user
 _WORLD = "world"
-_MANY = 24  # maximum length of a label made of world names
+_MANY = 24  # maximum length of a label that lists world names
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class Record:
     run: Run
     context: FigureContext
     values: Mapping[str, Any]  # configuration values by dotted key
-    treatment: str = ""  # label of the differences from other runs, without the seed
+    treatment: str = ""  # label that states how it differs from other runs
     levels: Mapping[str, str] = field(default_factory=dict)  # level by factor
     given: Mapping[str, Any] = field(default_factory=dict)  # the user's description
     agent: str = ""  # name of the robot in this record; empty for the first robot

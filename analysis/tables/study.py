@@ -16,7 +16,7 @@ from . import designs
 from .champions import read_champion_sensors, read_champion_signals
 from .records import EvaluationRecord, Record
 
-KEYS = ("run", "treatment", "seed")  # first columns of every table of a study
+KEYS = ("run", "treatment", "seed")  # first columns of every table in a study
 NO_RUNS = "no run found, only evaluations; add the folder of a run"
 AnyRecord = TypeVar("AnyRecord", bound=Record)
 Result = TypeVar("Result")
@@ -94,7 +94,7 @@ class Study:
 
     @cached_property
     def initial(self) -> pd.DataFrame:
-        """One row per sensor of the random designs of generation 0; may be empty."""
+        """One row per sensor of the random designs in generation 0; may be empty."""
         return _concatenate(self._mark(self.records, designs.read_initial_sensors), designs.COLUMNS)
 
     @property

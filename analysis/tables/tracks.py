@@ -82,7 +82,7 @@ def read_track(
 def read_mission(
     run: Run, world: str, design: int | None = None
 ) -> tuple["pd.Series[str]", pd.DataFrame]:
-    """Read the row and trajectory of the first mission of the champion or of a stored design."""
+    """Read the row and trajectory of the first mission by the champion or a stored design."""
     if design is None:
         return find_champion_mission(run, world), run.trajectory(world)
     row = find_first_mission(run, design, world)
@@ -138,21 +138,21 @@ def _load_recorded(path: Path, course: Course) -> World:
 
 
 def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
-    """Return the path of the world file of a mission."""
+    """Return the path of a mission's world file."""
     world, draws = str(row["world"]), str(row["draws"])
     separate, shared = (run.path / world_file(world, key) for key in (draws, None))
     return separate if separate.is_file() else shared
 
 
 def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
-    """List sensor (from 0), onset [s] and effect of each failure in a row of ``missions.csv``."""
+    """List the sensor (from 0), onset [s] and effect of each failure in a mission's row."""
     names = ("failed_sensors", "failed_at_s", "failed_by")
     failures = zip(*(split_cell(mission[name]) for name in names), strict=True)
     return [(int(float(sensor)), float(time), effect) for sensor, time, effect in failures]
 
 
 def list_part_failures(mission: "pd.Series[str]") -> list[tuple[str, float, str]]:
-    """List part, onset [s] and effect of each failure of a part other than a sensor."""
+    """List the part, onset [s] and effect of each failure, except sensor failures."""
     names = ("failed_parts", "parts_failed_at_s", "parts_failed_by")
     if names[0] not in mission:
         return []
@@ -186,7 +186,7 @@ def select_robot(table: pd.DataFrame, name: str = "") -> pd.DataFrame:
 
 
 def name_robots(table: pd.DataFrame) -> "pd.Series[str]":
-    """Return the robot of each row of a champion's table; empty for the first robot."""
+    """Return the robot in each row of a champion's table; empty for the first robot."""
     if AGENT not in table:
         return pd.Series("", table.index, dtype=str)
     return table[AGENT].fillna("").astype(str)

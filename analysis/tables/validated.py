@@ -76,7 +76,7 @@ def _read_champion_genes(record: Record) -> dict[str, float]:
 
 
 def _read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
-    """Read the content and the scores of each design of a finished evaluation."""
+    """Read the content and the scores of each design in a finished evaluation."""
     names = ["source", "design"]
     mounts, genes, scores = (
         table.assign(**{name: table[name].astype(str) for name in names})
@@ -211,7 +211,7 @@ def list_missions(study: Study) -> pd.DataFrame:
 
 
 def list_random_missions(study: Study) -> pd.DataFrame:
-    """List the missions of random designs of generation 0, which are free of selection bias."""
+    """List the missions of generation 0's random designs, which have no selection bias."""
     columns = ["kind", "run", "design", "failed", "completed"]
     frames = [pd.DataFrame(columns=columns).astype({"failed": bool, "completed": bool})]
     for record in study.records:

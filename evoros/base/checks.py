@@ -168,7 +168,7 @@ def ask(key: str, method: Callable[..., Any], rule: Rule, *arguments: Any) -> An
 
 
 def check_answer(key: str, method: Callable[..., Any], rule: Rule, answer: Any) -> Any:
-    """Check and return ``answer``, the return value of a method of the part at ``key``."""
+    """Check and return ``answer``, which a method of the part at ``key`` has returned."""
     if rule.holds(answer):
         return answer
     part = getattr(method, "__self__", None)

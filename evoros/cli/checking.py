@@ -147,7 +147,7 @@ def find_treatment(config: Configuration) -> str:
     """Return the part of the configuration text that all runs of a treatment share."""
     from evoros.analysis.tables.factors import IGNORED
 
-    apart = tuple(f"{key}:" for key in IGNORED if key != "treatment")  # treatments are compared
+    apart = tuple(f"{key}:" for key in IGNORED if key != "treatment")  # it tells treatments apart
     return "".join(block for block in _BLOCK.split(config.text) if not block.startswith(apart))
 
 

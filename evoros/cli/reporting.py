@@ -76,7 +76,7 @@ def explain_end(
     typed: Sequence[str] = (),
 ) -> JobResult:
     """Return the result of a failed job, with the command (overrides ``typed``) that resumes it."""
-    # Imported here, because --help does not use these slow imports.
+    # Imported here, because these imports are slow and --help does not need them.
     from evoros.config.own_files import locate_fault
     from evoros.storage.layout import FINISHED, LOG, MISSIONS, STATUS, read_json, resume_command
 

@@ -44,7 +44,7 @@ def jobs_at_once(workers: int) -> int:
     return 1 if workers == 1 else 2 + workers // 4
 
 
-JOBS_TOGETHER = KEPT  # jobs that run missions together; each worker caches their experiments
+JOBS_TOGETHER = KEPT  # number of jobs that run missions together; workers cache their experiments
 
 
 class SharedPool:

@@ -165,7 +165,7 @@ def list_hidden(folder: Path) -> list[tuple[Path, Path]]:
 
 
 def choose_name(file: Path, group: str) -> str:
-    """Return a name for the part in a file; prefix it with ``my_`` if bundled parts have it."""
+    """Return a name for the part in a file; with the prefix ``my_`` if a bundled part has it."""
     stem = file.name.split(".")[0]
     if stem in ("model", "robot", "world"):  # the name of the folder is more specific
         stem = file.resolve().parent.name

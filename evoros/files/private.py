@@ -64,7 +64,7 @@ def _is_private(folder: Path) -> bool:
 
 
 def hash_secret(text: str) -> str:
-    """Return an identifier of the user's key, followed by a keyed hash of a text."""
+    """Return an identifier of the user's key, followed by a hash of a text with this key."""
     key = _read_key()
     name = blake2b(key, digest_size=_ID_DIGITS // 2).hexdigest()
     return name + blake2b(text.encode(), key=key, digest_size=16).hexdigest()

@@ -44,7 +44,7 @@ class Absences:
         self._absences: list[Absence] = []
 
     def names(self, kind: str = "") -> tuple[str, ...]:
-        """Return the distinct names of missing items, of all kinds or of one kind."""
+        """Return the distinct names of missing items of one kind, by default of all kinds."""
         names = (absence.name for absence in self._absences if kind in ("", absence.kind))
         return tuple(dict.fromkeys(names))
 

@@ -25,7 +25,7 @@ Key = tuple[tuple[str, str], ...]  # (column, cell) pairs that identify a missio
 
 
 def compare_missions(one: Path, other: Path) -> tuple[str, int]:
-    """Compare mission tables in any row order; return the first difference and the row count."""
+    """Compare mission tables, whatever the row order; return the first difference and row count."""
     first, second = (_read_missions(folder / layout.MISSIONS) for folder in (one, other))
 
     def order(key: Key) -> list[tuple[int, str]]:

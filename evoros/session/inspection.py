@@ -31,7 +31,7 @@ from evoros.world.standing import list_areas
 SAMPLES = 60  # number of random designs drawn in the picture of a robot
 LEVEL, UNEVEN = "simulator=planar", "simulator=physics"  # simulators for level and uneven ground
 INDOOR = "controller=indoor"  # controller for worlds that are too narrow for the default controller
-NEAR_RATIO = 1.0  # ratio above which most positions have an obstacle within avoidance range
+NEAR_RATIO = 1.0  # avoidance range / free space, above which most positions are too near obstacles
 ANOTHER = (
     "for another, add world.NAME.course.home_x_m=X world.NAME.course.home_y_m=Y to this command"
 )

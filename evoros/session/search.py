@@ -62,7 +62,7 @@ class Search(Watcher):
     certificate: Certificate | None = None  # None until the search ends
     reason: str = ""  # the limits that ended the search; empty if none did
     processor_s: list[float] = field(init=False)  # cumulative [s], one entry per generation
-    tell: Tell = ignore  # notifies observers of the number of recorded generations
+    tell: Tell = ignore  # tells observers the number of recorded generations
 
     def __post_init__(self) -> None:
         status = self.folder.read_status()

@@ -55,7 +55,7 @@ def _draw_missing(run: Path, names: Sequence[str], pool: Pool, draw: DrawFigures
 
 
 def discard_figures(run: Path, names: Sequence[str]) -> None:
-    """Delete the figures that continuing the run makes outdated."""
+    """Delete the figures that become outdated when the run continues."""
     files = [file for name in names for file in _list_files(run, name)]
     for file in files:
         file.unlink()

@@ -90,7 +90,7 @@ def _advise(archive: Path, names: Sequence[str]) -> str:
 
 
 def _descend(top: Path) -> Path:
-    """Return the folder of an archive's study: a run, or the first folder of several entries."""
+    """Return the folder of an archive's study: a run, or the first that holds several folders."""
     while not is_run(top):
         folders = [path for path in top.iterdir() if path.is_dir()]
         if len(folders) != 1:

@@ -37,7 +37,7 @@ _DRAWS = 20  # number of sampled draws whose filters are listed
 class FailureContext:
     """The causes of failures in missions, and the effects of failures on readings."""
 
-    drawn: bool = True  # whether failures are random; fractions of missions then are probabilities
+    drawn: bool = True  # whether failures are random, so that mission fractions are probabilities
     always_intact: bool = False  # whether no sensor ever fails
     intact: tuple[int, ...] = ()  # trials of a systematic failure without failed sensors
     effects: Mapping[str, str] = field(default_factory=dict)

@@ -37,7 +37,7 @@ def derive_key(values: Mapping[str, Any], hashes: Mapping[str, str]) -> str:
 
 
 def conceal(values: Mapping[str, Any], config: str) -> Mapping[str, Any]:
-    """Return the values or, if they contain secrets, which could be guessed, the parsed YAML."""
+    """Return the values or, if they contain secrets (which could be guessed), the parsed YAML."""
     tree = _parse_sources(config)
     return values if next(_list_secrets(tree, values), None) is None else tree
 

@@ -36,7 +36,7 @@ def verify_folder(folder: Path) -> None:
 
 
 def is_complete(folder: Path) -> bool:
-    """Return True if a finished folder has all files for figures, with unchanged digests."""
+    """Return True if a finished folder has all files for figures, listed in ``digests.csv``."""
     entries = _read_entries(folder).by_name
     places = [p for n in ("champion", layout.TRAJECTORIES) for p in (folder / n).rglob("[!.]*")]
     written = {str(path.relative_to(folder)) for path in places if path.is_file()}

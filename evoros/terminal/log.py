@@ -285,7 +285,7 @@ def silence(stream: TextIO) -> None:
 
 
 def silence_unwritable() -> None:
-    """Silence the standard streams that cannot be written."""
+    """Silence the standard streams that cannot be written to."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

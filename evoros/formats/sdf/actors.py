@@ -32,7 +32,7 @@ _THIN = 0.25  # maximum ratio of a panel's thickness to its second-smallest side
 
 
 def settle_vehicles(container: Element, reading: Reading) -> set[str]:
-    """Remove or immobilize models that could drive, fix other joints; return the removed names."""
+    """Remove or immobilize models that could drive, and fix other joints; return removed names."""
     left_out: set[str] = set()
     if container.tag == "world":
         _fix_to_world(container, reading)
@@ -158,7 +158,7 @@ def _rolls(joint: Element) -> bool:
 
 
 def _height_of(axis: tuple[float, ...], *frames: Element | None) -> float:
-    """Return the vertical component of an axis in the innermost of nested frames."""
+    """Return the vertical component of an axis given in the last of nested frames."""
     pose = Pose()
     for element in frames:
         placed = None if element is None else element.find("pose")

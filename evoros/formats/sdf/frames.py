@@ -125,7 +125,7 @@ class Frames:
         return self.find(frame.scope, relative.base, relative.element)
 
     def resolve(self, element: Element, link: Path) -> Pose:
-        """Return the world pose of a collision or inertia of the link at a path."""
+        """Return the world pose of a collision or inertia that belongs to the link at a path."""
         relative = read_pose(element)
         if not relative.base:
             return self.world_pose(link) @ relative.pose

@@ -110,7 +110,7 @@ class Solid:
 
     @property
     def bottom(self) -> float:
-        """The height [m] of the lowest point of the shapes."""
+        """The height [m] of the shapes' lowest point."""
         return min(bottom_height(shape, self.place(shape)) for shape in self.shapes)
 
 

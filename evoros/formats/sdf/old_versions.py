@@ -1,4 +1,4 @@
-"""Converts SDF 1.0, of Gazebo 1.0 (2012), to later elements, as sdformat's ``1_0.convert``."""
+"""Converts SDF 1.0 (Gazebo 1.0, 2012) to later elements, as sdformat's ``1_0.convert`` does."""
 
 from lxml import etree
 from lxml.etree import _Element as Element

@@ -24,7 +24,7 @@ from evoros.geometry.shapes import Body, Pose, Shape
 
 _WHITE = 65535  # maximum level of 16 bits
 _GREY_16 = (16, 0, 0, 0, 0)  # bit depth, colour type, compression, filter and interlacing of a PNG
-_PART = "part_{}"  # name in the OBJ file of a polyhedron, counted from 1
+_PART = "part_{}"  # name of a polyhedron in the OBJ file, counted from 1
 _GRAVITY_MPS2 = 9.81  # gravity of a file without <gravity>
 _FRAME = """<?xml version="1.0"?>
 {comment}<sdf version="1.9">

@@ -246,7 +246,7 @@ def box_tensor(mass: float, size: Array) -> Array:
 
 
 def bounds_of(shapes: Iterable[tuple[Shape, Pose]]) -> tuple[Array, Array]:
-    """Return the minimum and maximum corner (3,) [m] of the bounding box of placed shapes."""
+    """Return the minimum and maximum corner (3,) [m] of a bounding box around placed shapes."""
     turns = (  # rotations that make x, y and z vertical
         Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -math.pi / 2, 0.0),
         Pose.from_rpy((0.0, 0.0, 0.0), math.pi / 2, 0.0, 0.0),
@@ -259,7 +259,7 @@ def bounds_of(shapes: Iterable[tuple[Shape, Pose]]) -> tuple[Array, Array]:
 
 
 def give_mass(link: Element, shapes: Sequence[tuple[Shape, Pose]]) -> float:
-    """Give a link the mass of the bounding box of its shapes; return the mass [kg]."""
+    """Give a link the mass of its shapes' bounding box; return the mass [kg]."""
     low, high = bounds_of(shapes)
     mass = DENSITY_KG_M3 * float(np.prod(np.maximum(high - low, 1e-3)))
     set_inertial(link, mass, (low + high) / 2, box_tensor(mass, high - low))

@@ -113,7 +113,7 @@ LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
 RANGE_FINDER = "multizone"  # sensor type of a range finder with a single ray (one zone)
 _RAYS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
 _KINDS = {"contact": BUMPER, "imu": IMU, "sonar": SONAR}
-_RANGE_PLUGIN = "range"  # part of the file name of ROS's plugin for the nearest of all rays
+_RANGE_PLUGIN = "range"  # part of the file name of ROS's plugin that reports only the nearest hit
 _FULL_TURN = 2.0 * math.pi
 _LEAST_FIELD = 1e-8  # width [rad] below which a scan is a single ray
 
@@ -227,7 +227,7 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
 
 
 def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
-    """Return the number of ranges, edges [rad] and notes of a ``<horizontal>`` or vertical fan."""
+    """Return the number of ranges of a horizontal or vertical fan, its edges [rad], and notes."""
     # Gazebo interpolates to ``<samples>`` times ``<resolution>`` ranges, rounded down.
     samples = max(1, round(xml.read_positive(xml.require_child(fan, "samples"), 1)[0]))
     resolution = xml.find_child(fan, "resolution")

@@ -27,7 +27,7 @@ class Plugin:
 
 
 class FrictionAxis(NamedTuple):
-    """The direction of the first friction coefficient of a link."""
+    """The direction in which a link's first friction coefficient acts."""
 
     direction: tuple[float, ...]  # x, y, z
     frame: str  # link that defines the frame; empty for this link

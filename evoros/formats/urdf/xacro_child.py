@@ -252,7 +252,7 @@ def main() -> None:
     request = json.load(sys.stdin)
     sys.path[:] = request["path"]
     _limit_resources(request["seconds"])
-    answer, sys.stdout = sys.stdout, sys.stderr  # keeps output of the file out of the answer
+    answer, sys.stdout = sys.stdout, sys.stderr  # keeps text that the file prints out of the answer
     json.dump(_expand(request), answer)
 
 

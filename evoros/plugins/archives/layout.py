@@ -93,7 +93,7 @@ def list_places(folders: Sequence[Path]) -> dict[Path, str]:
 
 
 def place_inside(top: Path, path: Path) -> str:
-    """Return the archive path of ``top`` or of a folder inside it."""
+    """Return the archive path of ``top`` or a folder inside it."""
     name = escape(top.resolve().name).replace("\\", "_")  # archive paths cannot contain backslashes
     return _join(f"{RUNS}/{name}", path.resolve().relative_to(top.resolve()))
 

@@ -121,7 +121,7 @@ class SitlFrames:
             return  # ``receive`` will report that the process has ended
 
     def check_widths(self, widths: Sequence[int], time: float) -> None:
-        """Check that each pulse width [us] is within a servo's limits; no pulse is allowed."""
+        """Check that each pulse width [us] is within a servo's limits; pulses may be missing."""
         for width in widths:
             if width != NO_PULSE and not MIN_WIDTH_US <= width <= MAX_WIDTH_US:
                 raise self._unusable(f"a servo pulse of {width} us", time)

@@ -136,7 +136,7 @@ class Request:
 
     pool: str
     limits: Limits
-    modules: bytes | None  # digest of the archive of the user's modules
+    modules: bytes | None  # digest of the archive with the user's modules
     name: str
     payload: bytes
     digests: tuple[bytes, ...]

@@ -69,7 +69,7 @@ class DaskTransport:
         self._loop: asyncio.AbstractEventLoop = client.loop.asyncio_loop
         # Nothing awaits Dask's coroutines after their calls are cancelled.
         self._loop.set_exception_handler(lambda _, error: LOGGER.debug("dask: %s", error))
-        self._threads: dict[str, int] = {}  # number of threads of each worker, by address
+        self._threads: dict[str, int] = {}  # number of threads per worker, by address
         self._excluded: set[str] = set()
         self._out: set[Sending] = set()  # accessed only by the thread of the event loop
         self._suspect = asyncio.Lock()  # held while a suspected call runs

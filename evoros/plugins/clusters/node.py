@@ -191,7 +191,7 @@ def _digest_of_sources() -> str:
 
 
 def _digest_of_elementary() -> str:
-    """Return a digest of values of evoros's elementary functions, equal on every processor."""
+    """Return a digest of values from evoros's elementary functions, equal on every processor."""
     points = _points(SAMPLES)
     values = [np.array([function(x) for x in points.tolist()]) for function in UNARY]
     values += [np.array([function(x) for x in (points / 21.0).tolist()]) for function in _INVERSE]
@@ -207,7 +207,7 @@ def draw_deviates() -> tuple[Array, Array]:
 
 
 def _digest_of_library() -> str:
-    """Return a digest of values of C library functions, which physics engines call."""
+    """Return a digest of values from C library functions, which physics engines call."""
     points = _points(_LIBRARY_SAMPLES).tolist()
     functions = (math.sin, math.cos, math.tan, math.atan, math.exp, math.log)
     return _digest([np.array([function(x) for x in points]) for function in functions])

@@ -201,7 +201,7 @@ class MeshFiles:
             raise InputError(
                 f"{path}: cannot be read ({error.strerror}); change the file's permissions"
             ) from error
-        # textures of Collada meshes and materials of OBJ meshes
+        # Collada meshes name textures, and OBJ meshes name materials
         named = (texture or material for texture, material in _NAMED.findall(self.files[copied]))
         inner = sorted({name.decode(errors="replace") for name in named})
         if inner:

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the package for the champion of the named run (default: the best run)."""
+    """Make the package for the named run's champion (default: the best run's)."""
     _, champion = study.choose(options.run, read_champion)
     robot = simplify(f"{champion.name} {options.agent or ''}")
     name = f"{robot}_champion" if options.name is None else options.name
@@ -68,7 +68,7 @@ def _read_imu(options: argparse.Namespace) -> tuple[float, float, float] | None:
 
 
 def plan_mounting(champion: Champion) -> MountingPlan:
-    """Collect the content of the mounting drawing of a champion."""
+    """Collect the content of a champion's mounting drawing."""
     sensors = tuple(map(_place, champion.sensors))
     links = {sensor.link for sensor in champion.sensors}
     wheels = {part.link for part in champion.record.context.parts if part.wheel}

@@ -23,12 +23,12 @@ from evoros.base.arrays import Array
 from evoros.plugins.evo_ros_2018 import claims_designs
 from evoros.plugins.evo_ros_2018.claims_designs import RANDOM, SPATIAL, read_diversity
 
-_PROMINENCE_DEG = 3.0  # less prominent extrema of the heading are corrections
+_PROMINENCE_DEG = 3.0  # prominence below which extrema of the heading are corrections
 _SETTLING = 1  # turning points ignored after a waypoint or an avoidance, while the robot realigns
 FIRST_ROBOT, HELP = own_claims.FIRST_ROBOT, own_claims.HELP
 NEEDS, FILES = own_claims.NEEDS, own_claims.FILES
 add_arguments = own_claims.add_arguments
-WEAVING = ".Serpentine"  # end of the class name of navigation layers that weave by design
+WEAVING = ".Serpentine"  # end of the class names of navigation layers that weave by design
 _NO_DESIGNS = pd.DataFrame(
     columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
 ).astype({"random": bool, "redundant": bool})

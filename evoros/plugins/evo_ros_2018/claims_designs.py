@@ -78,7 +78,7 @@ def judge_redundancy(table: pd.DataFrame) -> finding.Finding:
 
 
 def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> finding.Finding:
-    """Test the fraction of champions under spatial failure with two sensors within a radius."""
+    """Test how often champions under spatial failure have two sensors within a radius."""
     radius = f"{1000 * radius_m:.0f} mm"
     claim = finding.Claim(DAMAGE, f"champions with two sensors within {radius} of each other")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)

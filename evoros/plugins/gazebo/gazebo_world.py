@@ -211,7 +211,7 @@ def _hold(body: Body) -> Body:
 
 
 def describe_scene(robots: Sequence[PlacedRobot], world: World, settings: Settings) -> bytes:
-    """Return the body of the request that opens robots in a world."""
+    """Return the content of the request to create a simulation of robots in a world."""
     sizes = () if world.crowd is None else world.crowd.sizes
     parts = [_format_walker(i, *size) for i, size in enumerate(sizes)]
     parts.append(_format_fixed([body for body in world.bodies if body.mass is None]))

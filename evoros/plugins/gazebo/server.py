@@ -35,7 +35,7 @@ INSTALL = (
     "libignition-physics-core-dev libignition-physics-sdf-dev libignition-physics-mesh-dev "
     "libignition-physics5-dartsim-plugin5 libsdformat-dev` on Debian 12"
 )
-WORDS = 300  # maximum number of characters of a compiler message that errors quote
+WORDS = 300  # maximum length of a compiler message quoted in errors [characters]
 
 
 class Release(NamedTuple):
@@ -192,7 +192,7 @@ class GazeboServer:
         return np.frombuffer(answer, offset=_ANSWER.size)
 
 
-KEPT = 4  # number of cached simulations; trials of a design use the same worlds again
+KEPT = 4  # number of cached simulations, which later trials of a design use again
 
 
 class Scene(NamedTuple):

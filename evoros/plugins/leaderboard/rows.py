@@ -36,7 +36,7 @@ HASHED = (
     *(MISSIONS, "generations/*.csv"),
     *("champion/design.csv", "champion/genes.csv", "champion/certificate.json"),
 )
-"""Files of a run included in the digest of its row."""
+"""The files of a run that the digest of its row covers."""
 
 
 @dataclass(frozen=True)

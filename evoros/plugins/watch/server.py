@@ -169,7 +169,7 @@ class Server(ThreadingHTTPServer):
         self.server_name, self.server_port = HOST, int(self.server_address[1])
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread; close it if there are too many."""
+        """Serve a connection in a thread, or close it if there are too many connections."""
         if self._free.acquire(blocking=False):
             super().process_request(request, client_address)
         else:

@@ -215,7 +215,7 @@ def _list_markers(world: World) -> Iterator[Mapping[str, Any]]:
 
 
 def mark_walker(walker: WalkerTrack, record: int) -> Mapping[str, Any]:
-    """Return the marker, without header, of a walker at one record of its track."""
+    """Return a walker's marker, without header, at one record of its track."""
     x, y = walker.places[record].tolist()
     place = {"position": _vector((x, y, walker.height_m / 2)), "orientation": {"w": 1.0}}
     cylinder = _geometry(Shape("cylinder", (walker.radius_m, walker.height_m)))

@@ -154,7 +154,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the video of the champion of the named run (default: the best run)."""
+    """Make the video of the named run's champion (default: the best run's)."""
     study.check_worlds([options.world] if options.world else [])
     record, mission = study.choose(options.run, partial(_read, world=options.world))
     chosen = _parse_options(options, mission.name)

@@ -23,7 +23,7 @@ FOG_M = (10.0, 40.0)  # depths at which fog begins and at which it hides the gro
 _MAX_PX = 1600  # maximum side length; larger areas are painted at a lower resolution
 _MAX_SCALE = 120.0  # pixels per metre
 _SHADE = 0.42  # opacity of shadows
-_SMOOTH = 4  # oversampling of strokes
+_SMOOTH = 4  # oversampling factor of strokes
 
 
 class Ground:

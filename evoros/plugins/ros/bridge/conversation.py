@@ -163,7 +163,7 @@ def check_publisher(topic: str, names: list[str], kind: str, kinds: tuple[str, .
 
 
 def root_link(description: str) -> str:
-    """Return the name of the root link of a URDF."""
+    """Return the name of a URDF's root link."""
     robot = ElementTree.fromstring(description)
     children = {child.get("link") for child in robot.iterfind("joint/child")}
     (root,) = {link.get("name", "") for link in robot.iterfind("link")} - children

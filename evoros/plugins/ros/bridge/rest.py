@@ -46,7 +46,7 @@ class WatchedThread:
     """The open /proc files of a thread, and their contents when last read."""
 
     def __init__(self, pid: int, tid: int) -> None:
-        """Open the files; raise FileNotFoundError or ProcessLookupError after the thread's exit."""
+        """Open the files; raise FileNotFoundError or ProcessLookupError if it has exited."""
         self.pid, self.tid = pid, tid
         self._files: list[int] = []
         try:
@@ -137,7 +137,7 @@ class Hidden(Exception):
     """This process lacks permission to observe a process of the mission."""
 
     def __init__(self, error: PermissionError) -> None:
-        """Describe a PermissionError on one of the /proc files of a process."""
+        """Describe a PermissionError for one of a process's /proc files."""
         command = _command(int(str(error.filename).split("/")[2]))
         super().__init__(
             f"cannot read what the process {command} is waiting for ({error}); run all processes "

@@ -105,7 +105,7 @@ class Mission:
             self._crew.require_nodes()
             for publisher, message in self._outgoing.messages(tick):
                 connections = sorted(publisher.impl.connections, key=self._graph.place)
-                for connection in connections:  # one node after another
+                for connection in connections:  # so that nodes receive it one after another
                     publisher.impl.publish(message, connection_override=connection)
                     self._crew.require_rest(until)
             # Nodes that react to poses stay silent while the localization is silent.

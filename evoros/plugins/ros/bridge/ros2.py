@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
 ADVICE = ", and source /opt/ros/DISTRIBUTION/setup.bash before running evoros"
 GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
-"""Pauses [s] between checks; ``STEADY`` of the first outlast a resend of Fast DDS (1/3 s)."""
+"""Pauses [s] between checks; ``STEADY`` of the first are longer than Fast DDS's resend interval."""
 
 
 def start_nodes(briefing: dict[str, Any]) -> Nodes:

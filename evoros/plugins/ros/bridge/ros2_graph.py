@@ -182,7 +182,7 @@ class Graph:
         return None
 
     def _listeners(self) -> set[tuple[str, str]]:
-        """Return the name and namespace of each node that subscribes to topics of this process."""
+        """Return the name and namespace of each node that subscribes to this process's topics."""
         topics = [topic for outlet in self.outlets for topic in outlet.names()]
         listening = [self._node.get_subscriptions_info_by_topic(topic) for topic in topics]
         return {(node.node_name, node.node_namespace) for nodes in listening for node in nodes}
