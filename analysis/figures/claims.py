@@ -139,7 +139,7 @@ def _format_reference(row: Any) -> str:
 
 
 def _rows(table: pd.DataFrame, sizes: Mapping[str, float], width: float) -> Rows:
-    """Return the lines of the claim (if new) and of each cell, and the verdict, for each row."""
+    """Return each row's verdict, with the lines of its claim (if new) and of its other cells."""
     rows: Rows = []
     claim = ""
     for row in table.itertuples():

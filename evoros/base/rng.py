@@ -81,7 +81,7 @@ def deal(key: str, cards: int) -> Iterator[int]:
     """Yield numbers below ``cards`` from shuffled decks, one after another (lazy Fisher-Yates)."""
     for deck in count():
         rng = generator(f"{key}/{deck}", "deck")
-        moved: dict[int, int] = {}  # cards away from their initial position, by position
+        moved: dict[int, int] = {}  # cards that have left their initial position, by position
         for top in range(cards):
             place = top + int(rng.random() * (cards - top))
             yield moved.get(place, place)

@@ -16,7 +16,7 @@ from evoros.robot.own_sensors import OwnSensor
 
 SENSOR = "sensor"
 AROUND = "around"
-STEP_S = 0.1  # common multiple of the time steps of bundled simulators; divides sensor periods
+STEP_S = 0.1  # common multiple of bundled simulators' time steps, of which periods are multiples
 _FIXED = "evoros.design.space.FixedSensor"
 _MASK = "evoros.filter.mask.Mask"
 

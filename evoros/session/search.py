@@ -57,7 +57,7 @@ class Search(Watcher):
     folder: RunFolder
     generations: int
     extended: bool = False  # whether the search may already have ended at a different generation
-    stays: bool = False  # whether a search that a limit ended is left as it is
+    stays: bool = False  # whether to leave a search as it is if a limit ended it
     last: Generation | None = None
     certificate: Certificate | None = None  # None until the search ends
     reason: str = ""  # the limits that ended the search; empty if none did
@@ -94,7 +94,7 @@ class Search(Watcher):
         return fields if certificate is None else {**fields, **certificate.summary}
 
     def list_first(self) -> Iterator[tuple[Scenario, Mission]]:
-        """Yield the first mission, and the first for a different confirming controller."""
+        """Yield the first mission and, if another controller confirms designs, its first."""
         experiment = self.experiment
         individual = experiment.start_search().ask()[0]
         design = experiment.space.decode(individual.genome)

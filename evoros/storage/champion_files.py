@@ -89,7 +89,7 @@ def sensor_rows(design: Design) -> Iterator[list[object]]:
 def table_by_robot(
     columns: Sequence[str], rows: Sequence[Sequence[object]], designs: Iterable[Design]
 ) -> str:
-    """Return a table of designs, without the last cell, the robot, if there is only one robot."""
+    """Return a table of designs; drop the last cell, the robot, if there is only one robot."""
     if any(len(design.parts) > 1 for design in designs):
         return to_csv([(*columns, AGENT), *rows])
     return to_csv([columns, *(row[:-1] for row in rows)])

@@ -85,7 +85,7 @@ def _warn_standing(rows: Iterable[Row]) -> Iterator[str]:
 
 
 def _read_missions(folder: Path) -> Iterator[Row]:
-    """Yield the rows of ``missions.csv`` up to an unreadable row, which other readers report."""
+    """Yield the rows of ``missions.csv`` until one is unreadable, which other code reports."""
     try:
         with (folder / MISSIONS).open(newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):

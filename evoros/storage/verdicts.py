@@ -43,7 +43,7 @@ def _list_numbers(verdict: Verdict) -> list[object]:
 
 
 def write_junit(rows: Sequence[Row]) -> bytes:
-    """Return the verdicts as JUnit XML with a suite per design; all but MET are failures."""
+    """Return the verdicts as JUnit XML with a suite per design; all except MET are failures."""
     # Jenkins's junit-10.xsd and other consumers disagree on the elements for errors.
     root = ElementTree.Element("testsuites", _count(rows))
     for design in dict.fromkeys(_name_design(row) for row in rows):

@@ -8,7 +8,7 @@ from threading import Event, Thread
 
 from evoros.terminal.log import LOGGER
 
-SLOW_S = 5.0  # [s], interval of messages about an activity
+SLOW_S = 5.0  # interval [s] between messages about an activity
 _LISTENER: ContextVar[Callable[[str], object] | None] = ContextVar("listener", default=None)
 _ACTIVITY: ContextVar[str] = ContextVar("activity", default="")
 

@@ -16,14 +16,14 @@ from pathlib import Path, PurePosixPath
 from evoros.base.errors import InputError
 from evoros.files.resources import bundled_folder, expand_home
 
-_LEVELS_UP = 3  # number of folders searched above the file's package; more in a workspace
+_LEVELS_UP = 3  # minimum number of folders searched above the file's package
 _LEVELS_DOWN = 4  # number of folder levels searched below each folder
 _MAX_FOLDERS = 5_000  # maximum number of folders searched
 _SKIPPED = ("build", "install", "log", "node_modules", "site-packages")
 _MANIFESTS = ("package.xml", "manifest.xml")  # the older, until 2012, lacks names
 _IGNORED = {"COLCON_IGNORE", "AMENT_IGNORE", "CATKIN_IGNORE"}
 _SPACES = ("src", "install", "devel")  # folders of packages in a workspace
-_INDEX = "ament_index/resource_index/packages"  # folder in ``share``: a file per package
+_INDEX = "ament_index/resource_index/packages"  # folder in ``share`` with a file per package
 _FIND = re.compile(r"\$\(find(?:-pkg-share)? +([^)$\s]+)\)/([^\"'<>$]+)")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")

@@ -43,7 +43,7 @@ _KINDS = _EMPTY, _STRANGE, _BOXES, _ROUND, _ABSENT = (
     "missing meshes of links that turn are replaced with cylinders:",
     "missing meshes are left out:",
 )
-"""Kinds of notes on solids; each note ends with names."""
+"""Kinds of notes on solids; each note ends with the names concerned."""
 
 
 class SolidsReader:

@@ -61,7 +61,7 @@ FIGURES = (
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw each figure for which the study has runs; report each other figure in one line."""
+    """Draw all figures for which the study has runs; report any other figure in one line."""
     files: dict[str, bytes] = {}
     rows, messages = [], []
     for figure in FIGURES:

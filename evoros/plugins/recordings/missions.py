@@ -152,7 +152,7 @@ def _assemble(
     shown: tuple[World, FigureContext],
     **more: Any,
 ) -> RecordedMission:
-    """Assemble a mission from its trajectory, the robot and the robot as loaded."""
+    """Assemble a mission from its trajectory, the robot, and the robot that engines loaded."""
     source, described, loaded = files
     world, context = shown
     urdf = read_text(described)
