@@ -1,4 +1,4 @@
-"""The user's claims, one per row, with value, interval and verdict (``docs/claims.md``)."""
+"""The user's claims, one per row, with values, intervals and verdicts (``docs/claims.md``)."""
 
 import argparse
 import textwrap

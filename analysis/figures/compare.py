@@ -31,9 +31,7 @@ from ..tables.validated import (
 )
 from .options import add_conditions, score_runs
 
-HELP = (
-    "comparison of treatments by recorded and validated fitness, with tests, effects and intervals"
-)
+HELP = "comparison of treatments by recorded and validated fitness, with tests and effects"
 NEEDS = "finished runs; for tests, at least two treatments with replicates"
 FILES = ("compare.csv", "compare_runs.csv")
 LISTED = 5  # number of tests above which a matrix shows them

@@ -44,9 +44,7 @@ from ..tables.pairs import (
 from ..tables.records import Record
 from ..tables.study import Study
 
-HELP = (
-    "two software versions on the same draws: newly failed and newly completed missions, p-values"
-)
+HELP = "two software versions on the same draws: new failures, new completions, p-values"
 NEEDS = "two evaluations or two runs with the same draws, the older one first"
 FILES = ("regression.csv", "regression_missions.csv", "regression_margins.csv")
 SKEWED = ("change in completion time, bootstrap", "paired values change (sign-flip test)")
@@ -163,10 +161,7 @@ def _introduce(one: Record, other: Record, pairs: pd.DataFrame) -> Iterator[str]
         key.startswith("requirements.") and key.endswith(".of")
         for key in (*one.values, *other.values)
     ):
-        yield (
-            "requirements can stop an evaluation early; p-values need a fixed number of trials, "
-            "but results of --margin hold for any number"
-        )
+        yield "requirements may stop an evaluation early and invalidate p-values, but not --margin"
 
 
 def _describe(row: Mapping[Hashable, Any]) -> str:

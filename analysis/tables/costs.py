@@ -104,8 +104,7 @@ def add_axis(parser: argparse.ArgumentParser, default: str | None = GENERATION) 
 def add_budget(parser: argparse.ArgumentParser) -> None:
     """Add ``--axis`` and ``--budget``, for comparing searches at equal cost."""
     add_axis(parser, None)
-    about = "cost at which searches are compared, in units of --axis; default: "
-    about += "the lowest total cost of a run"
+    about = "cost for comparing searches, in units of --axis; default: lowest total cost of a run"
     parser.add_argument("--budget", type=float, metavar="COST", help=about)
 
 

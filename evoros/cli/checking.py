@@ -169,12 +169,12 @@ def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
         return f"{test}, because {why}; for {needed} seeds per treatment, type 'seed=range({ends})'"
 
     known = f"{first}" if first == counts[0] else f"{counts[0]} to {first}"
-    head = f"{len(seeds)} treatments with {known} seed{'s' * (known != '1')} each: evoros analyze"
+    head = f"{len(seeds)} treatments with {known} seed{'s' * (known != '1')} each: 'evoros analyze"
     smallest = min(1.0, pairs * minimum_p(first, second))
     if smallest >= LEVEL:
         after = f" after correction for {pairs} comparisons" if pairs > 1 else ""
         why = f"its smallest possible p-value is {smallest:.2g}{after}"
-        yield advise(f"{head} compare cannot show a difference", why, minimum_replicates(pairs))
+        yield advise(f"{head} compare' cannot detect a difference", why, minimum_replicates(pairs))
     pairs_of_three = len(counts) == 3 and first < 3
     if len(counts) > 2 and (counts[0] < 2 or pairs_of_three):
         why = (
@@ -182,4 +182,4 @@ def advise_seeds(seeds: list[set[int]]) -> Iterator[str]:
             if counts[0] > 1
             else "the spread of a treatment cannot be estimated from one run"
         )
-        yield advise(f"{head} factors cannot show an effect", why, 3 if len(counts) == 3 else 2)
+        yield advise(f"{head} factors' cannot detect an effect", why, 3 if len(counts) == 3 else 2)

@@ -66,7 +66,7 @@ def refuse_articulated(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
         else:
             continue
         fixes.append(HOLD_STRAIGHT.format(_choose_kind(pair_up(wheels))))
-        raise urdf.error(f"the robot {problem}; no drive models this", ", or ".join(fixes))
+        raise urdf.error(f"the robot {problem}; no drive supports this", ", or ".join(fixes))
 
 
 def refuse_several(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
@@ -119,7 +119,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
         reason = reason or f"Gazebo plugin {plugin}"
         plain = "to simulate the robot with plain wheels, which slip in turns"
         raise urdf.error(
-            f"the robot also moves sideways ({reason}), which no drive models; wheels: {names}",
+            f"the robot also moves sideways ({reason}), but no drive does; wheels: {names}",
             f"set robot.drive.kind={kind} {plain}"
             if kind
             else "write a drive for the robot (docs/parts/drive.md)",

@@ -150,8 +150,7 @@ def _describe(attempt: Attempt, cells: float) -> str:
         return f"in the largest enclosed free region, where the robot's centre can move over {area}"
     if not attempt.around_m:
         return "among the obstacles: no enclosed free region is large enough"
-    around = f"among the obstacles and up to {attempt.around_m:g} m around them"
-    return f"{around}, because there is too little room between them"
+    return f"among the obstacles and up to {attempt.around_m:g} m around them (no room inside)"
 
 
 def _find_free(

@@ -101,8 +101,7 @@ def _check_members(path: Path, members: list[ZipInfo]) -> dict[str, ZipInfo]:
         total += member.file_size
     folders = {name for name, member in by_name.items() if member.is_dir()}
     if total > LARGEST:
-        rule = f"contain at most {LARGEST >> 30} GiB when unpacked"
-        raise _refuse(path, rule, f"not {total >> 30} GiB")
+        raise _refuse(path, f"unpack to at most {LARGEST >> 30} GiB", f"not {total >> 30} GiB")
     for name in by_name:
         above = {str(place) for place in Path(name).parents} & (by_name.keys() - folders)
         if above:
@@ -124,15 +123,12 @@ def _check_member(path: Path, name: str, member: ZipInfo) -> None:
     if member.flag_bits & 1:
         raise _refuse(path, "contain no encrypted file", f"but {name!r} is encrypted")
     if member.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
-        rule = "contain only stored or deflated files"
-        raise _refuse(path, rule, f"but {name!r} uses another compression method")
+        raise _refuse(path, "contain only stored or deflated files", f"but {name!r} is neither")
     if member.file_size > LARGE:
-        rule = f"contain only files of at most {LARGE >> 20} MiB"
-        raise _refuse(path, rule, f"but {name!r} is larger")
+        raise _refuse(path, f"contain no file above {LARGE >> 20} MiB", f"but {name!r} is larger")
     if member.file_size > max(ANY_RATIO, RATIO * member.compress_size):
         ratio = member.file_size // max(member.compress_size, 1)
-        rule = f"have compression ratios of at most {RATIO}"
-        raise _refuse(path, rule, f"but the ratio of {name!r} is {ratio}")
+        raise _refuse(path, f"have compression ratios up to {RATIO}", f"but {name!r} has {ratio}")
 
 
 def _find_damage(archive: ZipFile) -> str:

@@ -137,7 +137,7 @@ def test_a_sweep_with_too_few_seeds_says_so_and_what_to_type(
     options = ["optimizer.generations=1", "optimizer.population_size=2"]
     assert sweep(tmp_path / "few", *options, "seed=7,8", "trials=1,2") == DONE
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "treatments" in line]
-    assert line.startswith("2 treatments with 2 seeds each: evoros analyze compare ")
+    assert line.startswith("2 treatments with 2 seeds each: 'evoros analyze compare' ")
     needed = minimum_replicates(1)
     assert is_of(line, "evoros/cli/checking.py seed=range({ends})")
     typed = f"seed=range(7,{7 + needed})"
@@ -159,7 +159,7 @@ def test_evaluations_and_one_treatment_compare_nothing(tmp_path: Path, capsys: C
 def read_advice(counts: list[int], command: str) -> list[int]:
     """Return the numbers of seeds that are asked for so that a command may find something."""
     lines = advise_seeds([set(range(count)) for count in counts])
-    typed = [re.findall(r"type 'seed=range\((\d+)\)'", x) for x in lines if f" {command} " in x]
+    typed = [re.findall(r"type 'seed=range\((\d+)\)'", x) for x in lines if f" {command}' " in x]
     return [int(number) for (number,) in typed]
 
 

@@ -17,7 +17,7 @@ from evoros.cli.subcommands import SUBCOMMANDS
 from evoros.terminal.console import DONE, INPUT
 
 COMPOSING = ("evaluate",)
-"""The subcommands that have the options of Hydra."""
+"""The subcommands that have Hydra's options."""
 VALUES = {"--config-dir": ["mine"], "--cfg": ["job"], "--package": ["robot"]}
 
 

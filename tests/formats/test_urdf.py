@@ -461,7 +461,7 @@ def test_a_property_without_braces_is_read_as_proposed(tmp_path: Path) -> None:
     body = '<xacro:property name="up_m" value="0.5"/><link name="a"><inertial>{}</inertial></link>'
     written = body.format('<origin xyz="{}"/>')
     root = description.read(write(tmp_path, written.format("up_m")))[1]
-    with pytest.raises(InputError, match=r"or, for a property of xacro, \$\{up_m\}$") as error:
+    with pytest.raises(InputError, match=r"or, for a xacro property, \$\{up_m\}$") as error:
         read_origin(root[0][0])
     typed = str(error.value).rpartition(" ")[2]
     root = description.read(write(tmp_path, written.format(f"0 0 {typed}")))[1]

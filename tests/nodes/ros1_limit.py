@@ -1,4 +1,4 @@
-"""The second of two nodes of ROS 1: limits how fast the yaw rate may change. A timer at 20 Hz."""
+"""The second of two ROS 1 nodes: limits how fast the yaw rate may change. A timer at 20 Hz."""
 
 import rospy
 from geometry_msgs.msg import Twist

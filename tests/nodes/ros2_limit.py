@@ -1,4 +1,4 @@
-"""The second of two nodes of ROS 2: limits how fast the yaw rate may change, at each odometry."""
+"""The second of two ROS 2 nodes: limits how fast the yaw rate may change, at each odometry."""
 
 import rclpy
 from geometry_msgs.msg import Twist

@@ -213,7 +213,7 @@ def _where_to_get(address: _FuelAddress, uri: str) -> tuple[str, Remedy]:
     kind = f"/{address.kind}/"
     model = uri[: uri.index(kind)] + kind + address.name if address.inner else uri
     return (
-        f"names a model of Fuel that is not in the local cache, where {expected} is expected",
+        f"names a Fuel {address.kind[:-1]} that is not in the local cache (expected at {expected})",
         Remedy("get with: {}", f'gz fuel download -u "{model}"'),
     )
 

@@ -49,7 +49,7 @@ def parse_numbers(element: Element, text: str, count: int, place: str = "") -> l
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         expected = f"{count} finite number{'s' * (count > 1)}"
         problem = f"must have {expected}{place}, not {xml.quote(text)}"
-        braces = f" or, for a property of xacro, ${{{text}}}" if "_" in text.strip("_") else ""
+        braces = f" or, for a xacro property, ${{{text}}}" if "_" in text.strip("_") else ""
         raise xml.element_error(element, problem, f"write {expected}{braces}")
     return numbers
 

@@ -49,7 +49,7 @@ def add_prefixes(root: Any) -> Iterator[str]:
 
 
 def rename(element: Any, tag: str) -> None:
-    """Give an element an xacro tag."""
+    """Give an element a xacro tag."""
     element.tagName = element.nodeName = f"xacro:{tag}"
 
 

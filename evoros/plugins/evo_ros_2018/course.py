@@ -102,7 +102,7 @@ def _draw_first_phase(axes: Axes, course: Course) -> None:
 def _add_legend(figure: Figure, with_obstacles: bool, one_way: bool) -> None:
     first: dict[str, Any] = {"color": BLUE, "lw": 1.0, "marker": ">", "ms": 4}
     entries: list[Line2D | Patch] = [
-        Line2D([], [], label="course" if one_way else "first phase (second: in reverse)", **first),
+        Line2D([], [], label="course" if one_way else "first phase (second: reversed)", **first),
         Line2D([], [], **{**HOME, "label": "home"}),
         Line2D([], [], **{**WAYPOINT, "label": "waypoint and radius"}),
     ]

@@ -47,7 +47,7 @@ def compose_experiment(binary: Path, *more: str) -> Experiment:
 
 
 def open_field(experiment: Experiment, limit_s: float | None = None) -> Scenario:
-    """The scenario without obstacles, with another limit of the time."""
+    """The scenario without obstacles, with another time limit."""
     world = experiment.world["boxes"]
     limit = world.course.time_limit_s if limit_s is None else limit_s
     course = replace(world.course, time_limit_s=limit)

@@ -1,4 +1,4 @@
-"""Helpers for tests of nodes of ROS: a short drive and its expected steps."""
+"""Helpers for tests of ROS nodes: a short drive and its expected steps."""
 
 import json
 import math
