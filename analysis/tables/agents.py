@@ -113,7 +113,7 @@ def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
 
 
 class Choice(NamedTuple):
-    """A study with one robot per run, its name (empty for the only robot), and other names."""
+    """A study with one robot per run, its name (empty if alone), and the other robots' names."""
 
     study: Study
     robot: str = ""

@@ -35,7 +35,7 @@ def require_row(frame: pd.DataFrame, **scores: float) -> pd.DataFrame:
     """Return a table of sensors or, if empty, a single row with the scores."""
     if len(frame):
         return frame
-    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # keeps joins integer
+    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # numbers stay integers in joins
     return frame.reindex([0]).assign(**scores).astype(missing)
 
 

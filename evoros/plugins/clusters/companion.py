@@ -145,7 +145,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Stop:
-    """A request to end all calls of a pool and their processes."""
+    """A request to end a pool's calls and their processes."""
 
     pool: str
 

@@ -127,7 +127,7 @@ def _wait_for_end(log: Path) -> None:
 
 
 def read_log(path: Path) -> Iterator[Any]:
-    """Yield the records of an offline run, a LevelDB log of blocks and pieces."""
+    """Yield the records of an offline run, whose file is a LevelDB log of blocks and pieces."""
     from wandb.proto import wandb_internal_pb2
 
     messages: Any = wandb_internal_pb2
