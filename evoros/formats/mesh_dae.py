@@ -19,7 +19,7 @@ from evoros.base.arrays import Array, determinant, length, product
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import shorten
 
-_DEEPEST = 100  # maximum nesting depth of nodes; deeper nesting means that references form a cycle
+_DEEPEST = 100  # maximum nesting depth of nodes; deeper nesting is taken for a cycle of references
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ class Inertial(NamedTuple):
 def format_link(
     model: str, link: str, pose: Pose, inertial: Inertial | None, solids: Sequence[Solid]
 ) -> tuple[str, list[str]]:
-    """Return a link as SDF, and server requests for its meshes, which the server attaches."""
+    """Return a link as SDF, and requests that make the server attach its meshes."""
     parts, meshes = [], []
     if inertial is not None:
         mass, *moments = format_numbers([inertial.mass, *inertial.moments]).split()

@@ -210,7 +210,7 @@ def _check(trajectory: pd.DataFrame, source: str, modes: int) -> None:
 def list_rows(
     record: Record, generation: int | None, design: int | None, trial: int | None
 ) -> Iterator["pd.Series[str]"]:
-    """Yield the rows of a design in ``missions.csv``, by default of the champion."""
+    """Yield a design's rows in ``missions.csv``, by default the champion's."""
     missions = record.run.missions
     if design is None:
         world = next(iter(record.context.courses))

@@ -32,7 +32,7 @@ DEFAULTS = {
 STATUS = {"finished": "FINISHED", "stopped": "FAILED", "killed": "KILLED"}
 RUNNING = "RUNNING"
 SQLITE, FILE = "sqlite:///", "outputs/mlflow.db"
-MOST_PARAMETERS, LONGEST = 100, 6000  # MLflow's: parameters per request, characters per parameter
+MOST_PARAMETERS, LONGEST = 100, 6000  # MLflow's limits: parameters per request, characters each
 _LOCK = Lock()  # jobs of a sweep run in threads, and share experiments and parent runs
 
 
