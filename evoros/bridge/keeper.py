@@ -140,7 +140,7 @@ def prepare_folder(folder: str, files: dict[str, str]) -> None:
 
 
 def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: int) -> None:
-    """Start the command as first process of a namespace, wait for its end, and exit."""
+    """Start the command as the first process of a namespace, wait for its end, and exit."""
     command = os.fork()
     if command == 0:
         execute(order["command"], ports, HOME)

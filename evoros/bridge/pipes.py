@@ -12,7 +12,7 @@ from evoros.bridge.process import OutsideProcess, start_process
 _READ_BYTES = 4096
 _LONGEST_LINE = 1 << 20  # maximum length [bytes] of a line
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"  # variables with descriptors; stdout stays free
-ENDING_S = 1.0  # time limit [s] for a process to exit after its pipes close; ample if busy
+ENDING_S = 1.0  # time limit [s] for a process to exit after its pipes close; ample even if busy
 
 
 class Pipes:
@@ -33,7 +33,7 @@ class Pipes:
         self._limit_s, self._until, self._time = 0.0, 0.0, None  # type: tuple[float, float, float | None]
 
     def begin(self, limit_s: float, time: float | None) -> None:
-        """Start an exchange with a time limit [s] (wall clock) at the mission's ``time`` [s]."""
+        """Start an exchange of up to ``limit_s`` [s] (wall clock) at the mission's ``time`` [s]."""
         self._limit_s, self._until, self._time = limit_s, monotonic() + limit_s, time
 
     def send(self, data: bytes) -> None:

@@ -26,7 +26,7 @@ class Confirmation:
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
 
     def confirm_best(self, screened: Mapping[int, float], confirm: Confirm) -> dict[int, float]:
-        """Confirm designs until the ``best`` ones are all confirmed; return their fitness by id.
+        """Confirm designs until the ``best`` fittest are confirmed; return their fitness by id.
 
         ``screened`` is the fitness of all new designs in the run's simulator; ``confirm`` returns
         the fitness of given designs in the confirming simulator. Designs are ranked by confirmed

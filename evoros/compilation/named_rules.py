@@ -97,7 +97,7 @@ STARTED = Rule("named tuples (parameters, or parameters and memory) or None", _a
 def start_rule(
     rule: Callable[..., Any], names: tuple[str, ...], start: Callable[..., Started], *arguments: Any
 ) -> Bound:
-    """Start a part with ``arguments`` and bind its rule; ``names`` are the kind's arguments."""
+    """Start a part with ``arguments`` and bind its rule; ``names`` lists its kind's arguments."""
     return bind(rule, names, start_part(start, *arguments))
 
 
@@ -116,7 +116,7 @@ def start_part(start: Callable[..., Started], *arguments: Any) -> Started:
 
 
 def bind(function: Callable[..., Any], arguments: tuple[str, ...], started: Started) -> Bound:
-    """Pack the start values of a rule; ``arguments`` are the arguments of its kind."""
+    """Pack the start values of a rule; ``arguments`` lists the arguments of its kind."""
     pair: Any = started if type(started) is tuple else (started, None)
     if not STARTED.holds(started):
         raise InputError(

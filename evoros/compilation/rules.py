@@ -146,7 +146,7 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     with compiling() as on_disk:
         for function, inlined in take_waiting(bundled=False):
             register(function, substitute(function), inlined)
-        # User's rules are compiled in every process, because functions that they call may change.
+        # Users' rules are compiled in every process, because functions that they call may change.
         kept = on_disk and is_bundled(rule_function)
         if signature in _OF_MISSIONS:
             with suppress(Exception):  # a user's rule may allocate arrays

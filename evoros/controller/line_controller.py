@@ -56,7 +56,7 @@ class LineController(LiveController):
         default_factory=dict
     )
     files: Annotated[Sequence[str], TEXTS] = ()  # additional files on which the program depends
-    command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated limit; None: none
+    command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated; None: no limit
     start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall-clock time
     answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall-clock time
     isolate: Annotated[bool, FLAG] = True

@@ -101,7 +101,7 @@ class WeightedVoting(Layer):
 
 
 def require_reach(layer: object, range_m: float, robot: Robot) -> None:
-    """Require ``range_m`` to be at most each ``range_max_m``, the reading without obstacles."""
+    """Require ``range_m`` to be within each sensor's ``range_max_m``, its reading in free space."""
     ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
     shortest = min(ranges, default=math.inf)
     if range_m > shortest:

@@ -104,7 +104,7 @@ class TeamSpace:
         return self.decode(first) == self.decode(second)
 
     def to_row(self, genome: Array) -> dict[str, float | str]:
-        """Return the decoded values as a table row, by column."""
+        """Return the decoded values as a table row, keyed by column."""
         return {
             _prefix(name) + column: value
             for name, part in self._split(genome)

@@ -141,7 +141,7 @@ def _open_batcher(batches: Batches) -> "Batcher":
 
 
 def find_share(pace: Pace, missions: int, batches: Batches) -> float:
-    """Return the fraction of a call that missions fill, in number or time."""
+    """Return the fraction of a call that missions fill, by number or time, whichever is larger."""
     return max(missions / batches.missions, pace.expect(missions) / BATCH_S)
 
 

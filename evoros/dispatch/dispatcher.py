@@ -65,7 +65,7 @@ class Dispatcher:
     """Receives the trajectory of each mission in ``run`` before the outcome is yielded."""
     paces: dict[bytes, Pace] = field(default_factory=dict)  # keyed by scenario digest
     meter: Meter = field(default_factory=Meter)
-    told: set[str] = field(default_factory=set)  # notes from workers that have been logged
+    told: set[str] = field(default_factory=set)  # logged notes from workers
 
     def run_missing(
         self,

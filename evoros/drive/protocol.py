@@ -48,7 +48,7 @@ class Drive(Protocol):
 
     @property
     def rear_axle_x_m(self) -> float:
-        """x [m] of the turning point, which is on the unsteered axle unless that slides."""
+        """x [m] of the turning point, which is on the unsteered axle unless its wheels slide."""
 
     @property
     def steering_joints(self) -> tuple[str, ...]:

@@ -122,7 +122,7 @@ class Journal(MissionRecord, Protocol):
         """Return the stored trajectory of a mission."""
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
-        """Delete all trajectories except for ``missions``; return the missions without one."""
+        """Delete all trajectories except for ``missions``; return the missions that have none."""
 
     def write_champions(self, champions: Champions) -> None:
         """Replace the recorded champions, if the run has or had several."""

@@ -23,7 +23,7 @@ class Spent:
 @dataclass(frozen=True)
 @checked
 class StopAfter:
-    """Ends a search after the generation that reaches a limit (None: no limit), with a champion."""
+    """Ends a search, with a champion, after the generation that reaches a limit; None: no limit."""
 
     generations: Annotated[int | None, LIMIT] = None
     missions: Annotated[int | None, LIMIT] = None

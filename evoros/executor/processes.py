@@ -58,7 +58,7 @@ def available_cores() -> int:
 
 
 def read_quota(group: Path) -> int:
-    """Return the CPU quota of a container in cores, rounded up; ``sys.maxsize`` without a quota."""
+    """Return the CPU quota of a container in cores, rounded up; ``sys.maxsize`` if it has none."""
     with suppress(OSError, ValueError):  # "max" means no quota
         quota, period = map(int, (group / "cpu.max").read_text().split())
         return math.ceil(quota / period)

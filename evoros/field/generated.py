@@ -97,7 +97,7 @@ class Field(Distribution):
         return replace(self, others=tuple(courses))
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
-        """Return the ground, any walls, and random obstacles; raise an InputError without room."""
+        """Return the ground, any walls, and random obstacles; InputError if they do not fit."""
         rng = generator(draws, f"field {self.seed}")
         low, high = self.corners
         walls = build_walls(low, high) if self.enclosed else ()

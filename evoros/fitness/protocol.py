@@ -22,7 +22,7 @@ class Fitness(ABC):
         return ""
 
     def bounds(self, worlds: int) -> tuple[float, ...]:
-        """Return the range of scores for ``worlds``, also for intervals; empty if unknown."""
+        """Return the range of scores for ``worlds``, which intervals use too; empty if unknown."""
         return ()
 
     def check_worlds(self, worlds: Mapping[str, World]) -> None:  # noqa: B027 - accepts any worlds

@@ -42,7 +42,7 @@ class Evaluated:
 
 
 class Measure(ABC):
-    """A number that describes a design; an objective or a descriptor."""
+    """A number that describes a design, for use as an objective or a descriptor."""
 
     title: str  # name in figures
     unit: str = ""  # unit in figures; empty if dimensionless

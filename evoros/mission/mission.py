@@ -47,7 +47,7 @@ class Outcome:
     distance_m: float
     least_waypoint_distances_m: tuple[float, ...]  # one per distinct waypoint, home last
     collisions: int
-    first_collision_s: float  # NaN: none
+    first_collision_s: float  # NaN if there was none
     avoiding: float  # fraction of the mission time spent avoiding obstacles
     least_clearance_m: float
     failed_sensors: tuple[int, ...]

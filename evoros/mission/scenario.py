@@ -102,7 +102,7 @@ class Scenario:
                 )
 
     def draw_world(self, name: str, draws: str, robots: Sequence[PlacedRobot]) -> World:
-        """Return the world of the missions with a key of draws, including walkers."""
+        """Return the world, including walkers, of all missions with the key ``draws``."""
         world = self.world[name].at(draws)
         if not self.any_walkers:
             return world

@@ -53,7 +53,7 @@ class Candidate:
     survived: int  # number of copies in the next population
 
     def rescored(self, scores: Mapping[int, Score]) -> "Candidate":
-        """Return the candidate with a new fitness if it has a new score."""
+        """Return the candidate with the fitness of its new score, if it has one."""
         score = scores.get(self.individual.id)
         return self if score is None else replace(self, fitness=float(score.fitness))
 
@@ -176,7 +176,7 @@ class Optimizer(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class BundledOptimizer(Optimizer):
-    """An optimizer with the settings that all bundled ones share."""
+    """An optimizer with the settings that all bundled optimizers share."""
 
     generations: Annotated[int, COUNT] = 25  # including the first generation
     validation_trials: Annotated[int, WHOLE] = 5  # fresh trials for each generation's best design

@@ -50,7 +50,7 @@ def check_start(experiment: Experiment) -> Iterator[str]:
 
 
 def list_scenarios(experiment: Experiment | scene.Subject) -> dict[str, Scenario]:
-    """Return the scenarios of a run by the prefix of their keys in messages."""
+    """Return a run's scenarios by the prefix of their keys in messages."""
     if experiment.confirming is experiment.scenario:
         return {"": experiment.scenario}
     return {"": experiment.scenario, "confirmation.": experiment.confirming}

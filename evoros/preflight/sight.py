@@ -31,7 +31,7 @@ from evoros.world.standing import list_areas
 
 T = TypeVar("T")
 _FAR_M = 1e4  # distance [m] from the robot at which the course cannot affect readings
-NEAR_M = 1.0  # distance [m] at which obstacles should be visible, without an avoidance range
+NEAR_M = 1.0  # distance [m] at which obstacles should be visible if no avoidance range is set
 SEEN_SHARE = 1 / 3  # minimum fraction of readings that must hit the narrowest obstacle
 _AWAY = Course(_FAR_M, _FAR_M, 0.0, 0.0, [[2 * _FAR_M, _FAR_M]], 1.0, 1.0, "forward", True)
 

@@ -22,7 +22,7 @@ DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
 SETTLED = 0.02  # maximum relative change of speed between consecutive pieces of a settled run-up
 ARM_M = 0.1  # [m], distance between the sensors that measure the robot's height and tilt
 STILL_RAD = 1e-4  # half of the angle up to which a robot counts as driving straight
-READABLE_M = 0.5  # [m], maximum error of the rays that measure the ground
+READABLE_M = 0.5  # [m], error above which rays have missed the ground
 
 
 class Manoeuvre(NamedTuple):

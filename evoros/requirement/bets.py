@@ -73,7 +73,7 @@ def estimate_further(values: Array, limit: float, confidence: float) -> float:
 
 
 def bound(values: Array, confidence: float, tests: int = 1) -> tuple[float, float]:
-    """Return the lower and upper bound of the mean; ``tests`` share the upper bound's error."""
+    """Return the bounds of the mean, the upper one corrected for the number of ``tests``."""
     above = bound_from_below(1 - values, share_level(confidence, tests))
     return bound_from_below(values, confidence), 1 - above
 

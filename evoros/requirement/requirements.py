@@ -96,7 +96,7 @@ class Level:
 def list_levels(
     requirement: Requirement, worlds: Sequence[str], sensors: int | None = None
 ) -> list[Level]:
-    """List a requirement's levels; those with failed sensors require the number of ``sensors``."""
+    """List a requirement's levels; levels with failed sensors need the number of ``sensors``."""
     if isinstance(requirement, Survival):
         return [
             Level(f"{case.text} in {world}", Condition(case), requirement.claim_for(world))
@@ -202,7 +202,7 @@ def list_conditions(requirements: Mapping[str, Requirement]) -> dict[str, Condit
 
 
 def need_conditions(requirement: Requirement) -> bool:
-    """Return True if a requirement needs missions under other conditions than ``OWN``."""
+    """Return True if a requirement needs missions under conditions other than ``OWN``."""
     return isinstance(requirement, Survival) or requirement.factor not in ("", WORLD)
 
 

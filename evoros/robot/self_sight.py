@@ -31,7 +31,7 @@ class SelfSight(NamedTuple):
 
 
 def measure_clear_ranges(robot: Robot) -> Array:
-    """Return the range (n,) [m] of each beam without obstacles, which the robot may shorten."""
+    """Return each beam's range (n,) [m] without obstacles, which the robot itself may limit."""
     rays, starts = robot.ray_table
     farthest: Array = rays[starts[:-1], LIMIT]
     occluders = robot.occluders.fixed

@@ -77,7 +77,7 @@ class Channel(NamedTuple):
     name: str  # quantity, used as a column prefix, such as range
     unit: str  # unit, used as a column suffix, such as m; empty if dimensionless
     low: float  # minimum reading; -inf if unlimited
-    high: float  # maximum reading; range sensors return it without obstacles in range
+    high: float  # maximum reading; range sensors return it if nothing is in range
 
 
 class Sensor(ABC):
@@ -106,7 +106,7 @@ class RangeSensor(Sensor):
     measures = RANGE
     radiation: str = ""  # radiation type in ROS messages: ``infrared``, or empty for ultrasound
     range_min_m: float  # minimum reading [m]
-    range_max_m: float  # maximum reading [m], also read without obstacles in range
+    range_max_m: float  # maximum reading [m], also returned if nothing is in range
 
     def __post_init__(self) -> None:
         if self.range_min_m >= self.range_max_m:

@@ -55,7 +55,7 @@ class Simulator(ABC):
 
     time_step: float  # [s]; sensor and controller periods must be multiples of this step
     packages: Sequence[str]  # pip packages that can change results, for the manifest
-    versions: Mapping[str, str] = MappingProxyType({})  # other libraries, for the manifest
+    versions: Mapping[str, str] = MappingProxyType({})  # non-pip libraries, for the manifest
     measures: Collection[str] = (RANGE,)  # quantities to measure; see ``evoros.sensor.protocol``
     max_robots: int = 1  # maximum number of robots, which can detect and touch each other
     has_walkers: bool = False

@@ -61,7 +61,7 @@ class DriveSuite(PartSuite):
             assert finite, f"{call} finite values, not {angles}, {rates}"
 
     def test_commands_beyond_the_limits_are_clipped(self) -> None:
-        """Commands beyond full speed or full lock have the targets of full speed or full lock."""
+        """Commands beyond full speed or full lock have the same targets as the limit."""
         drive = self.fit()
         for side in (-1.0, 1.0):
             lock, full = side * drive.steering_limit, drive.max_speed_mps

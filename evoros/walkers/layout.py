@@ -26,7 +26,7 @@ i that it has touched.
 MOTION_SIZE = 10
 CORNER_X, CORNER_Y, CORNER_S = range(3)  # position [m] and, in a script, time [s]
 CORNER_SIZE = 3
-REPORT_X, REPORT_Y, REPORT_TOUCHED = range(3)  # follow the robots' states; NaN if absent
+REPORT_X, REPORT_Y, REPORT_TOUCHED = range(3)  # entries after the robots' states; NaN if absent
 REPORT_SIZE = 3
 REPORT_COLUMNS = ("x_m", "y_m", "touched_by")
 

@@ -176,7 +176,7 @@ def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, .
 
 
 def _list_tops(bodies: Sequence[Body], low: Sequence[float], high: Sequence[float]) -> list[_Top]:
-    """List level tops of fixed bodies, without those outside the box between two corners [m]."""
+    """List level tops of fixed bodies that reach into the box between two corners [m]."""
     return [
         _Top(i, j, *top)
         for i, body in enumerate(bodies)

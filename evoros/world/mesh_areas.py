@@ -58,7 +58,7 @@ def measure_meshes(world: World, height_m: float) -> tuple[MeshArea, ...]:
 
 
 def _list_sections(world: World, height_m: float) -> Iterator[tuple[MeshFile, "Sections"]]:
-    """Yield the mesh and section areas of each collision element, computed once for equal ones."""
+    """Yield each collision element's mesh and section areas, computed once for equal elements."""
     groups = [(body, _group_parts(body)) for body in standing_obstacles(world)]
     if not any(parts for _, parts in groups):
         return

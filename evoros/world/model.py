@@ -77,7 +77,7 @@ class World:
         return hash((self.name, self.source_sha256))
 
     def at(self, draws: str) -> "World":
-        """Return the world for a mission's key of draws, with the course of this world."""
+        """Return the world that a mission's key ``draws`` determines, with this world's course."""
         if self.sampler is None:
             return self
         drawn = self.sampler.draw_world(draws)

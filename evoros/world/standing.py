@@ -1,4 +1,4 @@
-"""Obstacles after movable bodies have fallen, for code without gravity, also as arrays."""
+"""Obstacles after movable bodies have fallen, for code that simulates no gravity, and as arrays."""
 
 import math
 from collections.abc import Collection, Iterator, Sequence
@@ -68,7 +68,7 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
 
 
 def _list_below(bodies: Sequence[Body], falling: Collection[int]) -> list[Part]:
-    """List the parts of bodies that do not fall, without those that nothing can fall on."""
+    """List the parts of bodies that do not fall, and onto which others can fall."""
     still = [body for i, body in enumerate(bodies) if i not in falling]
     boxes = np.concatenate([np.empty((0, 2, 3)), *(body.boxes for body in still)])[:, :, :2]
     near = np.zeros(len(boxes), dtype=np.bool_)

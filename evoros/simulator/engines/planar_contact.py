@@ -97,7 +97,7 @@ def overlaps_robot(
 
 @compilable
 def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count touches of contact sensors of a robot, and of all robots that overlap it."""
+    """Count touches of the contact sensors on a robot and on all robots that overlap it."""
     for other in range(len(unpack(Memory, memory).motions)):
         if other != index and overlaps_robot(parameters, memory, index, pose, other):
             outline = outline_of(parameters, memory, index).corners
