@@ -12,7 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from PIL import Image
+from PIL import Image, ImageChops, ImageStat
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
@@ -203,11 +203,11 @@ def write_png(figure: Figure, file: Path | str | IO[bytes], dpi: float = _DPI) -
 def save_png(picture: Image.Image, file: Path | str | IO[bytes], dpi: float = _DPI) -> None:
     """Write a picture, with a palette of 256 colours if it is opaque and stays accurate enough."""
     chosen = picture
-    if np.asarray(picture.convert("RGBA"))[..., 3].min() == 255:
+    if picture.convert("RGBA").getchannel("A").getextrema()[0] == 255:
         opaque = picture.convert("RGB")
         small = opaque.quantize(COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-        error = np.abs(np.asarray(small.convert("RGB"), dtype=int) - np.asarray(opaque)).mean()
-        chosen = opaque if error > VISIBLE else small
+        errors = ImageChops.difference(small.convert("RGB"), opaque)  # needs little memory
+        chosen = opaque if np.mean(ImageStat.Stat(errors).mean) > VISIBLE else small
     chosen.save(file, "PNG", optimize=True, dpi=(dpi, dpi))
 
 
