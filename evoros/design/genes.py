@@ -165,7 +165,7 @@ def _refuse(gene: Gene, end: float, parts: Mapping[str, object]) -> str:
 
 
 def enumerate_corners(count: int) -> Iterator[tuple[float, ...]]:
-    """Yield combinations of bounds, low (0) or high (1); if too many, at most one gene differs."""
+    """Yield combinations of bounds, 0 (low) or 1 (high); with many genes, at most one differs."""
     if count <= MAX_EXHAUSTIVE:
         yield from product((0.0, 1.0), repeat=count)
         return

@@ -252,7 +252,7 @@ class Body:
 
     @cached_property
     def boxes(self) -> Array:
-        """Boxes (n, 2, 3) [m] around the placed shapes; too large for some round shapes."""
+        """Boxes (n, 2, 3) [m] around the placed shapes; not the smallest for some round shapes."""
         boxes = np.empty((len(self.shapes), 2, 3))
         groups: dict[Pose, list[int]] = {}
         for i, (shape, pose) in enumerate(self.placed):

@@ -108,10 +108,7 @@ class Frames:
         pose, visited = Pose(), {path}
         while within != path:
             if within in visited or not within:
-                problem = (
-                    "names a placement_frame that the model does not contain: "
-                    f"{quote(frame.placement)}"
-                )
+                problem = f"names a placement_frame outside the model: {quote(frame.placement)}"
                 raise element_error(element, problem, "name a link or frame of the model")
             visited.add(within)
             pose = self._relative_pose(within) @ pose

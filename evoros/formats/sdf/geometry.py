@@ -49,10 +49,11 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
     """Read the shapes of a ``<geometry>`` in its frame; none if it is empty or an image."""
     solids = [child for child in geometry if not child.prefix]
     kinds = {str(child.tag) for child in solids}
-    if not solids or (len(solids) > 1 and kinds != {"polyline"}):
-        element = solids[1] if solids else geometry
+    if not solids:
+        raise xml.element_error(geometry, "must contain a shape", "add a shape, such as <box>")
+    if len(solids) > 1 and kinds != {"polyline"}:
         problem = f"must be the only shape in <geometry>, which has {len(solids)}"
-        raise xml.element_error(element, problem, "write one <collision> for each shape")
+        raise xml.element_error(solids[1], problem, "write one <collision> for each shape")
     solid, kind = solids[0], str(solids[0].tag)
     if kind == "empty":
         return ()

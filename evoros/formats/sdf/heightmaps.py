@@ -26,8 +26,8 @@ def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
     size = read_child_numbers(heightmap, "size", (1.0, 1.0, 1.0))
     x, y, z = read_child_numbers(heightmap, "pos", (0.0, 0.0, 0.0))
     if min(size[:2]) <= 0 or size[2] == 0:
-        given = require_child(heightmap, "size")
-        raise element_error(given, "must be greater than 0", "write three positive lengths")
+        given, problem = require_child(heightmap, "size"), "must be above 0 in x and y, not 0 in z"
+        raise element_error(given, problem, "write three positive lengths")
     highest = float(levels.max()) or 1.0
     if size[2] < 0:  # Gazebo inverts the image
         levels = highest - levels

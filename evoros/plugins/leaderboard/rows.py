@@ -73,7 +73,8 @@ def make_row(folder: Path, config_dir: str | None = None) -> Row:
             f"row; start in the root of the repository"
         )
     if list_finished(folder, "a row") != [folder] or evaluates(folder):
-        raise InputError(f"{folder}: not the folder of a single run; give the runs one by one")
+        problem = "must be the folder of one run, not of an evaluation or a sweep"
+        raise InputError(f"{folder}: {problem}; give the runs one by one")
     task, overrides = _list_overrides(folder, config_dir)
     missions = int((Run(folder).missions.purpose != VALIDATION).sum())
     if missions > TASKS[task]:

@@ -222,7 +222,7 @@ def _free_ranges(height: Array, slopes: Array, first: NDArray[np.int64], farthes
 
 
 def _edges(rays: Array, first: NDArray[np.int64], yaws: Array) -> Array:
-    """Return the outward normals (n, 4) of the edges of each beam; zeros if it is no wedge."""
+    """Return the outward normals (n, 4) of the edges of each beam; zeros if not a wedge."""
     x, y = rays[:, 0], rays[:, 1]
     angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
     angles = atan2_all(sin_all(angles), cos_all(angles))
