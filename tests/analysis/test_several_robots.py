@@ -1,20 +1,15 @@
 """Figures of a run with two robots show both, and take the first one's columns for its own."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from bag_readers import read_mcap
 from helpers import finished_run
-from rerun.chunk import RrdReader
+from two_robots import HOME, TWO, draw
 
-from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures.mission import Missions, draw_missions
-from evoros.analysis.products import make_product
 from evoros.analysis.report.playback import encode_playback
-from evoros.analysis.subcommands import Product, import_subcommand, parse
 from evoros.analysis.tables.agents import list_robots, read_tracks, select_agent
 from evoros.analysis.tables.champions import read_champion_sensors
 from evoros.analysis.tables.designs import read_initial_sensors
@@ -26,19 +21,6 @@ from evoros.analysis.tables.tracks import load_champion_worlds, read_track
 from evoros.analysis.tables.validated import identify_champion
 from evoros.base.errors import InputError
 from evoros.storage.tables import AGENT
-
-HOME = (3.0, 3.0, -1.6)
-TWO = (
-    "simulator=planar",
-    "world=plains",
-    "agents=oncoming",
-    f"agents.oncoming.home={list(HOME)}",
-    "agents.oncoming.route=null",
-    "+design@agents.oncoming.design=six_sonars",
-    "optimizer.generations=1",
-    "optimizer.population_size=2",
-    "optimizer.validation_trials=0",
-)
 
 
 @pytest.fixture(scope="module")
@@ -116,10 +98,6 @@ def test_the_player_gets_the_poses_of_the_other_robot_to_the_millimetre(record: 
         assert flown["oncoming.y_m"].between(y0, y1).all()
 
 
-def draw(study: Study, *arguments: str) -> Product:
-    return make_product(import_subcommand(arguments[0]), study, parse([*arguments, "run"]))
-
-
 @pytest.mark.slow
 def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
     study: Study, record: Record
@@ -139,13 +117,6 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
     regions = draw(study, "regions", "--agent", "oncoming").figure
     assert regions is not None
     assert regions.axes[0].get_title(loc="left").startswith("oncoming\n")
-    options = ["--size", "128x72", "--to", "1"]
-    films = [draw(study, "video", *options, *of) for of in ((), ("--agent", "oncoming"))]
-    assert [film.messages[1] for film in films] == [
-        "the first robot, with oncoming in view; --agent NAME shows another robot",
-        "oncoming, with the first robot in view",
-    ]
-    assert films[0].files != films[1].files
     with pytest.raises(
         InputError, match=r"--agent: no run has an agent 'nobody'; choose one of oncoming"
     ):
@@ -164,68 +135,3 @@ def test_an_agent_as_a_run_of_its_own_has_its_genes_missions_and_trajectory(reco
     track = part.run.trajectory("near")
     assert track["x_m"].tolist() == whole.trajectory("near")["oncoming.x_m"].tolist()
     assert len(read_initial_sensors(part)) == 6 * 2
-
-
-@pytest.mark.slow
-def test_a_package_is_of_the_named_robot(study: Study, record: Record) -> None:
-    product = draw(study, "deploy", "--agent", "oncoming")
-    assert product.folder.endswith("_oncoming_champion")
-    (urdf,) = (content for path, content in product.files.items() if path.endswith(".urdf"))
-    kept = (record.path / "champion" / "agents" / "oncoming" / "robot.urdf").read_bytes()
-    first = (record.path / "champion" / "robot.urdf").read_bytes()
-    joint = b'<joint name="sonar_0'
-    place = [text[text.index(joint) :][:400] for text in (urdf, kept, first)]
-    assert place[0] == place[1] != place[2]
-
-
-def test_a_bag_has_all_robots_in_namespaces_and_frames_of_their_own(
-    study: Study, record: Record, tmp_path: Path
-) -> None:
-    """The agent drives, reads and aims as its columns do."""
-    product = draw(study, "bag", "--world", "near")
-    for name, content in product.files.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_bytes(content)
-    messages = read_mcap(tmp_path / "bag_near" / "bag_near.mcap")
-    topics = {message.topic for message in messages}
-    part = {topic.removeprefix("/oncoming") for topic in topics if topic.startswith("/oncoming/")}
-    shared = {"/tf", "/tf_static", "/obstacles"}
-    assert part == topics - shared - {f"/oncoming{item}" for item in part}
-    flown = record.run.trajectory("near")
-    moved = [m.content["transforms"][0] for m in messages if m.topic == "/tf"]
-    for prefix, column in (("", "x_m"), ("oncoming/", "oncoming.x_m")):
-        root = next(item["child_frame_id"] for item in moved if "/" not in item["child_frame_id"])
-        path = [t for t in moved if t["child_frame_id"] == f"{prefix}{root}"]
-        x = [item["transform"]["translation"]["x"] for item in path]
-        assert x == flown[column].tolist()
-        assert {item["header"]["frame_id"] for item in path} == {"odom"}
-    (fixed,) = (m.content["transforms"] for m in messages if m.topic == "/tf_static")
-    frames = {item["child_frame_id"] for item in fixed}
-    assert {"sonar_0", "oncoming/sonar_0"} <= frames
-    assert len(frames) == len(fixed)
-    read = [m.content for m in messages if m.topic == "/oncoming/sonar_0"]
-    assert {item["header"]["frame_id"] for item in read} == {"oncoming/sonar_0"}
-    assert read[0]["range"] == pytest.approx(flown["oncoming.range_0_m"][0], rel=1e-6)
-    (route,) = (m.content["poses"] for m in messages if m.topic == "/oncoming/route")
-    end = route[-1]["pose"]["position"]
-    assert (end["x"], end["y"]) == HOME[:2]
-    layout = product.files["bag.foxglove.json"].decode()
-    assert '"framePrefix": "oncoming/"' in layout
-    assert "/oncoming/odom.twist" in layout
-
-
-def test_a_recording_shows_every_robot_where_it_was(study: Study, tmp_path: Path) -> None:
-    (record,) = study.records
-    assert evoros_analyze(["rerun", str(record.path), "--output", str(tmp_path)]) == 0
-    chunks = RrdReader(tmp_path / "rerun.rrd").stream().to_chunks()
-    (world, *_) = record.context.courses
-    for robot in list_robots(record):
-        top = f"/{world}/agents/{robot.agent}" if robot.agent else f"/{world}"
-        places = [
-            place[:2]
-            for chunk in chunks
-            if chunk.entity_path == f"{top}/robot"
-            for (place,) in chunk.to_record_batch()["Transform3D:translation"].to_pylist()
-        ]
-        expected = robot.run.trajectory(world)[["x_m", "y_m"]].to_numpy(float)
-        np.testing.assert_allclose(sorted(places), sorted(expected.tolist()), atol=1e-5)

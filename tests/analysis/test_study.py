@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.subcommands import SUBCOMMANDS
 from evoros.analysis.tables.factors import name_part, read_choices
 from evoros.analysis.tables.loading import find_folders, load_study, shorten_names
 from evoros.analysis.tables.records import read_values
@@ -63,7 +64,7 @@ def test_a_folder_counts_once_however_it_is_given(
     assert study.records[0].path == first
 
 
-@pytest.mark.parametrize("figure", ["mission", "bag"])
+@pytest.mark.parametrize("figure", sorted(SUBCOMMANDS.keys() & {"mission", "bag"}))
 def test_an_evaluation_without_trajectories_is_told_what_keeps_them(
     figure: str, sweep: Path, capsys: Capture
 ) -> None:
