@@ -157,7 +157,7 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
     about = "YAML file with names of treatments and additional factors"
     parser.add_argument("--treatments", type=Path, metavar="FILE", help=about)
     about = (
-        f"folder for the files, which replace earlier files; default: {output}/ in the first folder"
+        f"folder for the output; replaces existing files; default: {output}/ in the first folder"
     )
     parser.add_argument("--output", type=Path, metavar="FOLDER", help=about)
 

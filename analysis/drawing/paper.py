@@ -122,7 +122,7 @@ def write_ordinates(
 
 
 def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> None:
-    """Draw a scale bar of a round length on the robot, labelled with length and scale."""
+    """Draw a scale bar for a round length [mm] of the robot, labelled with length and scale."""
     length = max(v for v in _BARS if v / scale <= 40.0 or v == 1)
     x, y = corner
     for part in range(4):

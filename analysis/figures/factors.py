@@ -50,7 +50,7 @@ LETTERS_PER_IN = 15  # characters per inch of axis labels
 LEGEND_LETTERS = 44  # maximum number of characters per legend line, without markers
 PROBABILITIES = ("p", "p_holm")
 CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "  # separators in tables and in figures
-SPREAD = 0.5  # total width of the second factor's levels
+SPREAD = 0.5  # x axis width that the second factor's levels share at each level of the first
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

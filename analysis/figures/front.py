@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the front of each treatment or run; the table lists its designs."""
+    """Draw the Pareto front of each treatment or run; the table lists the designs on it."""
     shown = read_front(study, options)
     groups = group_runs(study, options.by)
     fronts = {name: shown.select_front(runs) for name, runs in groups.items()}

@@ -205,7 +205,7 @@ def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
         style: dict[str, Any] = {"textcoords": "offset points", "ha": "center"}
         axes.annotate(text, (row["failed"], place), (0, 2), fontsize="small", **style)
     axes.set(ylim=(0.0, 1.2), ylabel="missions not completed")
-    axes.set_xlabel("failed sensors (sets with an\nincomplete mission/sets that occurred)")
+    axes.set_xlabel("number of failed sensors\n(sets that stopped a mission / all sets)")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0, symbol=" %"))
     axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
     labels = [f"{row.failed}\n({row.stopping}/{row.sets})" for row in sets.itertuples()]

@@ -206,7 +206,7 @@ SLIGHT = 0.01  # relative difference up to which completion times count as equal
 
 
 def find_pair(study: Study) -> tuple[Record, Record]:
-    """Return the two finished folders of a study, whose missions must use the same draws."""
+    """Return the two runs or evaluations to compare, both finished and with the same draws."""
     records = study.evaluations or study.given  # both versions may have used the same configuration
     if len(records) != 2 or (study.evaluations and study.records):
         names = ", ".join(record.name for record in (*study.evaluations, *study.records))

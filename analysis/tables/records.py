@@ -22,7 +22,7 @@ from .factors import read_choices, read_given
 _REFERENCE = re.compile(r"\$\{([\w.]+)\}")  # reference to another key
 _DEPTH = 20  # maximum length of a chain of references, which may be circular
 FITNESS = "fitness"
-SECRET = "secret "  # prefix of the digest of a secret value, which labels omit
+SECRET = "secret "  # prefix of the digest of a secret value; labels omit the digest
 
 
 @dataclass(frozen=True, eq=False)

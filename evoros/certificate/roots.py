@@ -1,4 +1,4 @@
-"""Brent's method with the exact results of ``scipy.optimize.brentq``, which imports slowly.
+"""Brent's method; the results equal those from ``scipy.optimize.brentq``, which is slow to import.
 
 Source: Brent, Algorithms for Minimization Without Derivatives, 1973, chapter 4.
 """

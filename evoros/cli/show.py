@@ -96,7 +96,7 @@ def _check_picture(picture: Path | None) -> None:
         return
     if picture.suffix[1:] not in FORMATS:
         raise InputError(
-            f"--picture {picture}: the name must end in .{', .'.join(FORMATS)}; correct the name"
+            f"--picture {picture}: must end in one of .{', .'.join(FORMATS)}; change the extension"
         )
     if picture.exists():
         raise InputError(f"--picture {picture}: already exists; choose another file")

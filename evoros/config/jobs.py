@@ -84,7 +84,7 @@ class Jobs:
                 "hydra.callbacks: Hydra callbacks are not supported; leave the key out"
             )
         self._overrides: list[tuple[str, ...]] = []
-        # the first of several jobs that differ only in numbers
+        # configurations of the first of the jobs that differ only in numbers, by other overrides
         self._composed: dict[tuple[str, ...], Configuration] = {}
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:

@@ -66,7 +66,7 @@ def launch(jobs: Jobs, ready: Sequence[Job], run: RunJob) -> dict[Path, EvorosEr
 
 
 def search(jobs: Jobs, run: RunJob) -> None:
-    """Run the chosen sweeper, which chooses jobs; raise RunStopped if it gives up."""
+    """Let the sweeper choose and run jobs; raise RunStopped if it gives up."""
     if jobs.minimizes:
         LOGGER.warning(
             "hydra.sweeper.direction=minimize: searches for the lowest fitness; for the highest, "

@@ -36,7 +36,7 @@ class MissionRecord(Protocol):
     """A store for the outcomes of missions."""
 
     def has(self, mission: Mission) -> bool:
-        """Return True if a mission is recorded; raise an InputError for other random draws."""
+        """Return True if a mission is recorded; raise an InputError if its draws differed."""
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Record finished missions."""
@@ -112,7 +112,7 @@ class Dispatcher:
     def take_answer(
         self, scenario: Scenario, mission: Mission, future: Future[CallAnswer]
     ) -> CallAnswer:
-        """Return the answer of a call, or of a lost mission if ``lost`` is ``WORST``."""
+        """Return a call's answer; if it is lost, return failed outcomes or raise RunStopped."""
         error = _error_of(future)
         if error is None:
             return future.result()

@@ -178,11 +178,11 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
         raise urdf.error(rule, "replace its <collision> elements with one of these")
     pose, radius = urdf.poses[link] @ shapes[0].pose, shapes[0].size[0]
     if shapes[0].kind == "cylinder" and abs(pose.rotation[LEFT, 2]) < 1.0 - 1e-6:
-        fix = 'rotate its <origin>, for example with rpy="1.5707963 0 0"'
+        fix = 'rotate the <origin> of its <collision>, for example with rpy="1.5707963 0 0"'
         raise urdf.error(f"the cylinder of wheel {link!r} must lie along the joint's axis", fix)
     axle, center = urdf.poses[link].position, pose.position
     if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > tolerated(radius):
-        fix = "move its <origin> onto the joint's axis"
+        fix = "move the <origin> of its <collision> onto the joint's axis"
         raise urdf.error(f"wheel {link!r} must be centred on its joint", fix)
     if abs(center[2] - radius) > reach(radius):
         rule = f"wheel {link!r} must touch the ground, which is at z = 0 of {urdf.root!r}"
@@ -234,7 +234,7 @@ def place_axle(
 def require_left(urdf: Urdf, names: Sequence[str], left_y: float, right_y: float) -> None:
     """Raise an InputError unless the first of two joints, at these y [m], is on the left."""
     if left_y - right_y < TOLERANCE_M:
-        order = f"must be to the left of {names[1]!r}, not at y = {left_y:g} and {right_y:g} m"
+        order = f"must be left of {names[1]!r}, but they are at y = {left_y:g} and {right_y:g} m"
         fix = "swap the two names, or correct the <origin> of the joints"
         raise urdf.error(f"joint {names[0]!r} {order}", fix)
 

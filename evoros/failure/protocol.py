@@ -193,7 +193,7 @@ def _check_fault(fault: Fault, failure: Failure, sensors: int) -> None:
         each = f"each of the {count} sensors" if fault.signal == READINGS else f"the {fault.part}"
         raise InputError(
             f"failure: {name} must draw one onset time [s] for {each} (infinity: never), not "
-            f"{fault.onset!r}; correct its method draw"
+            f"{fault.onset!r}; correct its draw method"
         )
     if fault.signal != READINGS and fault.part not in failure.parts:
         raise InputError(

@@ -1,4 +1,4 @@
-"""A sensor that stops sending readings."""
+"""A fault after which a sensor sends no more readings."""
 
 import math
 from dataclasses import dataclass

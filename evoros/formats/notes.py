@@ -87,7 +87,7 @@ def note_degrees(root: Element, notes: Notes) -> None:
 
 
 def _list_angles(element: Element) -> list[str]:
-    """Return the words for roll, pitch and yaw [rad] of an element; empty if in degrees."""
+    """Return an element's roll, pitch and yaw [rad] as written; nothing if they are in degrees."""
     if element.tag == "origin":
         return str(element.get("rpy", "")).split()
     if element.get("degrees", "").strip() in ("true", "1") or element.get("rotation_format"):

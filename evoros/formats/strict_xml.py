@@ -192,7 +192,7 @@ def read_positive(element: Element, *counts: int) -> tuple[float, ...]:
 
 
 def read_child_numbers(element: Element, tag: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the numbers in the only child with this tag; ``default`` sets their count."""
+    """Return the numbers in the only ``tag`` child, as many as in ``default``, or ``default``."""
     child = find_child(element, tag)
     return default if child is None else read_numbers(child, len(default))
 

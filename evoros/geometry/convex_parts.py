@@ -22,7 +22,7 @@ _SUSPECTS = 64  # maximum number of faces examined in concave regions
 _FINE = 300  # number of faces above which fewer cuts are tried
 _CUT_WORK = 200  # number of faces whose processing takes as long as the fixed work of a cut
 _GOOD = 0.95  # relative volume of the pieces' hulls below which a cut along a face is good
-_ROUNDING = 1e-5  # relative change in volume that cuts may cause by rounding
+_ROUNDING = 1e-5  # relative difference in volume that may be due to rounding
 _SLIVER_M = 1e-5  # mean thickness [m] of parts that only rounding errors separate
 
 

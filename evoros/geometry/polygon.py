@@ -70,7 +70,7 @@ def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float
 
 @compilable
 def _off_edge(px: float, py: float, dx: float, dy: float, squared: float) -> tuple[float, float]:
-    """Return the vector [m] from an edge's nearest point to p, which is relative to its start."""
+    """Return p minus the nearest point [m] of edge d; p and d are relative to the edge's start."""
     along = 0.0
     if squared > 0.0:
         along = (px * dx + py * dy) / squared

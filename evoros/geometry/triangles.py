@@ -71,7 +71,7 @@ def find_normals(triangles: Array) -> Array:
 
 
 def unique_rows(rows: NDArray[Any]) -> tuple[Indices, Indices]:
-    """Return the first index of each distinct row, in row order, and each row's rank."""
+    """Return the first index of each distinct row, sorted by row, and each row's place there."""
     order = np.lexsort(rows.T[::-1])
     new = np.ones(len(rows), dtype=bool)
     new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)

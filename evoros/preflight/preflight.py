@@ -246,9 +246,9 @@ def check_cases(subject: scene.Subject) -> Iterator[str]:
         cases = failure.count_cases(sensors)
         if trials < cases:
             yield (
-                f"failure: {write_count(sensors, 'sensor')} can fail in {cases} ways, of which "
-                f"each design meets {trials} at random, one per trial; set trials={cases} to "
-                "test each of these cases once"
+                f"failure: {write_count(sensors, 'sensor')} can fail in {cases} ways, but each "
+                f"design is tested on only {trials}, drawn at random, one per trial; set "
+                f"trials={cases} to test all"
             )
 
 

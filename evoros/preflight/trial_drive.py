@@ -112,7 +112,7 @@ def _limit_speed(drive: Drive, curvature: float) -> float:
 
 
 def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
-    """Return the x [m] of the point that moves along the heading in turns; NaN if none is found."""
+    """Return the x [m] of the point that moves along the heading while turning; NaN if none."""
     lock, drive = robot.drive.steering_limit, robot.drive
     speed = min(speed, _limit_speed(drive, elementary.tan(lock) / drive.wheelbase_m))
     with open_alone(simulator.open, robot, world) as simulation:

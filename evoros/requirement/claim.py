@@ -138,8 +138,9 @@ class Claim:
             return
         if self.bounds is None:
             raise InputError(
-                f"must have share (of the missions in which {self._name} meets the limit) or "
-                f"within (bounds of {self._name}, for a limit on its mean); add one of the two"
+                f"must have either share (the fraction of missions in which {self._name} must meet "
+                f"the limit) or within (the bounds of {self._name}, if the limit is on the mean); "
+                f"add one of the two"
             )
         low, high = self.bounds
         if not low < self.limit < high:

@@ -119,9 +119,7 @@ def list_levels(
 
 def _list_failures(claim: Claim, times_s: Sequence[float], sensors: int | None) -> Iterator[Level]:
     if sensors == 0:
-        raise InputError(
-            "each: needs a sensor that can fail, but the design has none; leave each out"
-        )
+        raise InputError("each: the design has no sensor that can fail; leave out the key each")
     for sensor in range(sensors or 0):
         for time in times_s:
             case = Case.of([(sensor, time)])

@@ -21,7 +21,7 @@ from evoros.geometry.shapes import Pose, Shape
 
 GROUND_LINK = "evoros_ground"  # added root link, on the ground between the wheels
 _MIN_CLEARANCE_M = 0.02  # minimum ground clearance of a hull that replaces collision shapes
-_MIN_SHARE = 0.4  # minimum fraction of the area between the wheels covered by the body
+_MIN_SHARE = 0.4  # minimum fraction of the area between the wheels that the body covers
 
 
 def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[str]:

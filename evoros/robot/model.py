@@ -83,7 +83,7 @@ class Robot:
     Joints outside the drive are fixed, wheels are cylinders, meshes are divided into convex parts,
     moving links have masses, and the root is on the ground.
     """
-    occluders: Occluders = field(default_factory=Occluders)  # shapes that block its sensors' view
+    occluders: Occluders = field(default_factory=Occluders)  # shapes that block the sensors' view
     mounts: tuple[Mount, ...] = ()  # sorted by sensor type
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 

@@ -42,7 +42,7 @@ def measure_clear_ranges(robot: Robot) -> Array:
 
 
 def find_seeing_beams(robot: Robot) -> list[NDArray[np.bool_]]:
-    """Return, for each mount, a mask of the beams that hit the robot at any steering angle."""
+    """Return, for each mount, a mask of the beams that hit the robot at some steering angle."""
     swept = robot.occluders.sweep(robot.drive)
     swept = swept._replace(inside=np.where(swept.rolls > 0.0, 0.0, math.inf))
     rays, starts = robot.ray_table

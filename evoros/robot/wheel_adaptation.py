@@ -46,7 +46,7 @@ def adapt_wheel(
     offset = float(length(wheel.centre - float(product(wheel.centre, axis)) * axis))
     if offset > tolerated(wheel.radius):
         problem = f"wheel {joint.child!r} must be centred on its joint, not {offset:g} m away"
-        raise urdf.error(problem, "move its <origin> onto the joint's axis")
+        raise urdf.error(problem, "move the <origin> of its shape onto the joint's axis")
     element = find_joint(elements, name)
     for mimic in element.findall("mimic"):
         element.remove(mimic)

@@ -247,7 +247,7 @@ def reopen_run(
 
 
 def _has_other_limits(folder: Path, config: Configuration) -> bool:
-    """Return True if a limit ended the search, and the job's limits differ."""
+    """Return True if a limit ended the search and the job's limits have changed since."""
     recorded = read_recorded(folder / layout.CONFIG).values
     differ = recorded.get(STOP_AFTER) != config.values.get(STOP_AFTER)
     return differ and bool(layout.read_json(folder / layout.STATUS).get("reason"))

@@ -34,7 +34,7 @@ def trajectory_file(key: MissionKey) -> Path:
 
 
 def robot_file(design: int, agent: str = "") -> Path:
-    """Return the path of the URDF of the first robot or of an agent, with a design's sensors."""
+    """Return the path of the URDF of the first robot, or an agent, with a design's sensors."""
     return Path(ROBOTS, f"{design:06d}{agent and '_'}{agent}.urdf")
 
 

@@ -22,7 +22,7 @@ COLUMNS = (
 def write_verdicts(
     requirements: Mapping[str, Requirement], judged: Mapping[tuple[str, str], Mapping[str, Judged]]
 ) -> dict[str, str]:
-    """Return the files with the verdicts on all requirements and designs, by file name."""
+    """Return the contents of the files of verdicts, by file name."""
     rows: list[Sequence[object]] = [COLUMNS]
     for design, verdicts in judged.items():
         for name, requirement in requirements.items():

@@ -19,7 +19,7 @@ _LOG = logging.getLogger(__name__)
 _READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evoros.world.",
             "evoros.drive.", "evoros.files.")  # fmt: skip
 """Loggers of omissions and assumptions in reading robots and worlds."""
-_ONCE = (*_READERS, "evoros.preflight.", "evoros.config.")  # recur in many jobs of a sweep
+_ONCE = (*_READERS, "evoros.preflight.", "evoros.config.")  # their lines recur in a sweep's jobs
 LOGGER = logging.getLogger("evoros")
 
 _JOB: ContextVar[str] = ContextVar("job", default="")  # folder of a sweep's job; empty outside

@@ -67,7 +67,7 @@ class FailureSuite(PartSuite):
                 yield part.draw(channels, generator(f"{seed} {draw}", "failure"))
 
     def test_faults_cover_all_sensors(self) -> None:
-        """Each fault has a filter, and an onset (infinity for never) per sensor or for the part."""
+        """Each fault has a filter, and an onset for each sensor or for the failing part."""
         for count in self.counts:
             for draw in range(DRAWS):
                 rng = generator(f"{draw}", "failure")

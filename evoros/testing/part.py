@@ -220,11 +220,11 @@ def _find_problem(part: Any, values: Mapping[str, Any]) -> str:
     except InputError as error:
         message = str(error)
         if "\n" in message:
-            return f"{call} must be refused in one line, not {message!r}"
+            return f"the message of {call} must be one line, but is {message!r}"
         if not any(f"{field.name}: must" in message for field in fields(part)):
-            return f"{call} must be refused by a line that contains 'FIELD: must', not {message!r}"
+            return f"the message of {call} must contain 'FIELD: must', but is {message!r}"
         if not any(quote(value) in message for value in _pieces(values)):
-            return f"{call} must be refused by a line that quotes the value, not {message!r}"
+            return f"the message of {call} must quote the value, but is {message!r}"
         return ""
     except Exception as error:
         return f"{call} must raise InputError, not {error!r}"

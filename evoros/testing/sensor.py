@@ -46,8 +46,8 @@ class SensorSuite(PartSuite):
         amounts = [*part.size_m, part.mass_kg, part.period_s]
         assert len(part.size_m) == 3, f"size_m must be three lengths, not {part.size_m}"
         possible = all(0 < amount < math.inf for amount in amounts)
-        assert possible, f"size_m, mass_kg and period_s must be greater than 0, not {amounts}"
-        assert 0 <= part.price < math.inf, f"price must be at least 0, not {part.price}"
+        assert possible, f"size_m, mass_kg and period_s must be positive and finite, not {amounts}"
+        assert 0 <= part.price < math.inf, f"price must be at least 0 and finite, not {part.price}"
 
     def test_its_filters_are_filters(self) -> None:
         """All entries of ``filters`` are filters."""
@@ -81,7 +81,8 @@ class RangeSensorSuite(SensorSuite):
         """The minimum is not negative and below the maximum, which is finite."""
         part, low, high = self.part, self.part.range_min_m, self.part.range_max_m
         assert part.measures == RANGE, f"measures must be {RANGE!r}, not {part.measures!r}"
-        assert 0 <= low < high < math.inf, f"range_min_m must be below range_max_m: {low}, {high}"
+        rule = "range_min_m must be at least 0 and below range_max_m, which must be finite"
+        assert 0 <= low < high < math.inf, f"{rule}, but they are {low} and {high}"
 
     def test_its_rays_are_unit_vectors(self) -> None:
         """The rays are a float64 array (k, 3) of unit vectors."""
@@ -139,7 +140,7 @@ class ContactSensorSuite(SignalSensorSuite):
 
     def test_its_zone_is_possible(self) -> None:
         """The zone has a positive width, and begins at or behind the mount."""
-        part = self.part
+        part, width, depth = self.part, self.part.width_m, self.part.depth_m
         assert part.measures == CONTACT, f"measures must be {CONTACT!r}, not {part.measures!r}"
-        assert 0 < part.width_m < math.inf, f"width_m must be greater than 0, not {part.width_m}"
-        assert 0 <= part.depth_m < math.inf, f"depth_m must be at least 0, not {part.depth_m}"
+        assert 0 < width < math.inf, f"width_m must be positive and finite, not {width}"
+        assert 0 <= depth < math.inf, f"depth_m must be at least 0 and finite, not {depth}"

@@ -28,7 +28,7 @@ from evoros.world.floors import ground_height, has_level_ground, raise_body
 from evoros.world.model import KEPT_WORLDS, World
 
 GAP_M = 0.002  # maximum gap [m] below a movable body that stands
-_INNER = 0.99  # fraction of a footprint above another body at which that body carries it
+_INNER = 0.99  # scale of a footprint in the test for overlap, so that touching sides are no support
 
 
 class Part(NamedTuple):

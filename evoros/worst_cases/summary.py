@@ -52,7 +52,7 @@ def _describe_model(table: pd.DataFrame) -> str:
         lost, low, high = (100 - 100 * float(row[name]) for name in ("rate", "high", "low"))
         rates.append(f"{row['world']} {lost:.0f} % ({low:.0f} to {high:.0f})")
         trials = int(row["trials"])
-    return f"missions not completed, of {trials} in each world: {', '.join(rates)}"
+    return f"share of missions not completed ({trials} per world): {', '.join(rates)}"
 
 
 def _compare(row: dict[str, object] | dict[object, object], nominal: pd.DataFrame) -> str:

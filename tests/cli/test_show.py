@@ -50,7 +50,7 @@ def test_poses_and_prices_are_those_of_the_design(tmp_path: Path) -> None:
         (["--design", "x"], "--design x: must be the number of a design"),
         (["--design", "99999"], "--design 99999: no run or evaluation in"),
         (["experiment=tiny"], "experiment=tiny: applies only to a CSV file of designs"),
-        (["--picture", "a.gif"], "--picture a.gif: the name must end in .png, .svg, .pdf"),
+        (["--picture", "a.gif"], "--picture a.gif: must end in one of .png, .svg, .pdf"),
         (["--picture", "nix/a.png"], "--picture nix/a.png: the folder does not exist"),
         (["--picture", "a.png"], "--picture a.png: already exists; choose another file"),
     ],
@@ -61,6 +61,7 @@ def test_what_cannot_be_shown_is_refused_in_one_line(
     monkeypatch.chdir(tmp_path)
     Path("a.png").touch()
     run = finished_run(tmp_path / "run")
+    capsys.readouterr()  # the run's messages, if this test is the first to need it
     assert words in refused(lambda: evoros(["show", str(run), *arguments]), capsys)
     table = str(run / "champion" / "design.csv")
     refusal = refused(lambda: evoros(["show", table, *TABLE, "--design", "x"]), capsys)

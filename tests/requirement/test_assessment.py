@@ -244,7 +244,7 @@ def test_levels_that_do_not_fit_are_refused_in_one_line() -> None:
         (
             EACH,
             0,
-            r"requirements\.one\.each: needs a sensor that can fail, but the design has none",
+            r"requirements\.one\.each: the design has no sensor that can fail",
         ),
     ):
         with pytest.raises(InputError, match=message) as error:

@@ -117,7 +117,7 @@ REFUSED: list[tuple[Any, str]] = [
         "the limit must be between 0 and 1, the bounds of the quantity, not 1.2",
     ),
     ({"of": "completed", "at_least": 1}, "the limit must be between 0 and 1"),
-    ({"of": "time_s", "at_most": 60}, "must have share (of the missions in which time_s meets"),
+    ({"of": "time_s", "at_most": 60}, "must have either share (the fraction of missions in"),
     ({"of": "collisions", "at_most": 0, "share": 1.2}, "greater than 0 and less than 1"),
     ({"of": "completed", "at_least": 0.5, "confidence": 1.0}, "a number from 0.5 to 0.999"),
     ({"of": "completed", "at_lest": 0.5}, "may have only of, at_least"),

@@ -779,7 +779,7 @@ def test_wheels_on_the_wrong_sides_are_told_by_their_places(tmp_path: Path) -> N
         "left_wheel_joints": ["right_wheel_joint"],
         "right_wheel_joints": ["left_wheel_joint"],
     }
-    problem = "'right_wheel_joint' must be to the left of 'left_wheel_joint', not at y = -0.12 and"
+    problem = "'right_wheel_joint' must be left of 'left_wheel_joint', but they are at y = -0.12"
     with pytest.raises(InputError, match=problem):
         load(tmp_path, BASE, WHEELS, CASTER, drive=AutomaticDescription(**sides))
 

@@ -212,7 +212,7 @@ def test_the_figure_says_what_was_found(whole: Path, capsys: pytest.CaptureFixtu
     assert evoros_analyze(["worst", str(whole), "--output", str(whole / "drawn")]) == DONE
     said = capsys.readouterr().out
     assert "design a of" in said
-    model = r"under the run's failure model: missions not completed, of \d+ in each world: "
+    model = r"under the run's failure model: share of missions not completed \(\d+ per world\): "
     assert re.search(rf"{model}\w+ \d+ % \(\d+ to \d+\)", said)
     assert "stopped by" in said
     risks = pd.read_csv(whole / "drawn" / "worst_risks.csv")

@@ -207,7 +207,7 @@ def divide_meshes(
     uses: Counter[MeshFile] = Counter()
     elements: dict[MeshFile, Element] = {}
     for mesh, pose in placed:
-        with suppress(InputError):  # the reader of the body raises the error or omits the mesh
+        with suppress(InputError):  # reading the body later raises the error or omits the mesh
             use = _identify_mesh(mesh, reading)
             if 0.0 in use.scale:
                 continue

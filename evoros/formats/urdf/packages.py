@@ -113,7 +113,7 @@ class _Search:
     def __init__(self, given: Sequence[Path]) -> None:
         self.stated: dict[str, Path] = {}  # keyed by the name in package.xml or in an index
         self.bearing: dict[str, Path] = {}  # keyed by folder name
-        self._given = given  # folders with subfolders that need no package.xml
+        self._given = given  # packages even without package.xml, like their subfolders
         self._seen: set[Path] = set()
 
     def look_into(self, here: Path, place: Path) -> list[Path]:

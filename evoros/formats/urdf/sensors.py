@@ -234,8 +234,8 @@ def _read_fan(fan: Element) -> tuple[int, float, float, tuple[str, ...]]:
     scale = 1.0 if resolution is None else xml.read_positive(resolution, 1)[0]
     ranges = max(1, int(samples * scale))
     text = (
-        f"casts {samples} rays for {ranges} ranges (<resolution>); evoros casts one ray for each "
-        "range"
+        f"casts {samples} rays for {ranges} ranges, because of <resolution>; evoros casts one ray "
+        "for each range"
     )
     notes = (text,) * (ranges != samples)
     low, high = (

@@ -123,7 +123,7 @@ def _collect_absences(
 
 
 def _find_renamed(name: str, place: str) -> Remedy:
-    """Return how to obtain a missing file, which may only be named differently in its folder."""
+    """Suggest a fix for a missing file: a similarly named file in the folder may be meant."""
     path = Path(place.rpartition(":")[0] or place).parent / name
     files = {_stem(file): str(file) for file in path.parent.glob(f"*{path.suffix}")}
     for other in get_close_matches(_stem(path), files, 1, _ALIKE):

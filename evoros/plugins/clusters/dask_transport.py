@@ -114,7 +114,7 @@ class DaskTransport:
             )
 
     def stop(self, pool: str) -> None:
-        """Make the workers end the calls of a pool; see ``Transport``."""
+        """End all calls of a pool in the workers."""
         if self._lost is None:
             self.run_everywhere(node.stop, pool)
 

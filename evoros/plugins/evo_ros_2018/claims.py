@@ -157,7 +157,7 @@ def _read_champion_swings(record: Record) -> pd.DataFrame:
 
 
 def read_gains(record: Record) -> pd.DataFrame:
-    """Return a run's ``recorded``, ``validated`` and ``gap`` (best minus mean) in one row.
+    """Return a run's recorded and validated fitness, and the gap from best to mean, as a row.
 
     Columns end in ``_first``, ``_early`` or ``_last``; ``last`` is the last generation.
     """

@@ -188,7 +188,7 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
 def relative_difference(
     one: Array, one_random: float, other: Array, other_random: float
 ) -> small_samples.Interval:
-    """Return the difference of two mean distances, each relative to random designs."""
+    """Return the difference of two mean distances, each divided by one for random designs."""
     value = mean_distance(one) / one_random - mean_distance(other) / other_random
     if min(len(one), len(other)) < 2:
         return small_samples.NOTHING

@@ -46,7 +46,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def _read(record: Record, wanted: list[str] | None) -> dict[str, World]:
     names = [name for name in record.context.courses if not wanted or name in wanted]
     if not names:
-        raise InputError(f"{record.path}: none of the chosen worlds found; choose other worlds")
+        raise InputError(f"{record.path}: has none of the chosen worlds; choose other worlds")
     return {name: load_shown_world(record, name) for name in names}
 
 

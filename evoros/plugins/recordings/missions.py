@@ -197,8 +197,8 @@ def _check(trajectory: pd.DataFrame, source: str, modes: int) -> None:
     far = (recorded.abs() > _MAX_VALUE).to_numpy().any()
     if far or len(recorded.columns) < len(trajectory.columns) or (trajectory["visited"] < 0).any():
         raise InputError(
-            f"{source}: a cell is not a number of at most {_MAX_VALUE:g}, or a number of visited "
-            f"waypoints is negative; restore the file"
+            f"{source}: a cell is not a number between {-_MAX_VALUE:g} and {_MAX_VALUE:g}, or a "
+            f"count of visited waypoints is negative; restore the file"
         )
     if not trajectory["mode"].between(0, modes).all():
         raise InputError(

@@ -1,1 +1,1 @@
-"""Models of robots and worlds for each engine."""
+"""The implementations of the planar simulator, MuJoCo and PyBullet."""

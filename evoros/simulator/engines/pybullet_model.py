@@ -143,7 +143,7 @@ class Engine:
         )
 
     def _reset(self, robots: Sequence[LoadedRobot]) -> None:
-        """Place the robots at rest at home, after a step high above it, which ends old contacts."""
+        """Place the robots at rest at home, after a step while lifted, which ends old contacts."""
         for index, robot in enumerate(robots):
             self._place(robot, LIFT_M * (index + 1))
         self.bullet.stepSimulation()

@@ -90,7 +90,7 @@ def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool
     leftward = cos * (by - ay) - sin * (bx - ax)
     half = 0.5 * width
     for side in range(3):
-        # distance of the start inside an edge, and its change along the segment
+        # how far the segment's start is inside this side of the zone, and how much farther its end
         if side == 0:
             inside = ahead
             gain = forward

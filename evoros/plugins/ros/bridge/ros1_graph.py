@@ -143,7 +143,7 @@ class Graph:
         return self._addresses[names[0]], kind
 
     def place(self, connection: Any) -> tuple[int, str]:
-        """Return a sort key that starts with the command's index, as node names may be random."""
+        """Return a sort key: the index of the command that started the node, then its name."""
         name = connection.endpoint_id
         place = self._places.get(self._addresses.get(name, ""))
         return (-1 if place is None else place), name
