@@ -153,7 +153,7 @@ def test_other_versions_are_said_on_the_terminal_and_in_the_log(
     log = (run / "evoros.log").read_text()
     for said in (capsys.readouterr().err, log):
         assert "made with numpy 0.1, but the version is now " in said
-        assert "made with numba (not installed); now " in said
+        assert "made with numba (not installed), but the version is now " in said
         assert "lxml" not in said
         assert "made with evoros" not in said
     assert log.count("made with numpy") == 1
