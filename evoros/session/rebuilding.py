@@ -76,8 +76,8 @@ def rebuild(
     if warns:
         for name, before, now in list_other_versions(manifest, experiment, recorded.values):
             LOGGER.warning(
-                "%s: made with %s %s, but the version is now %s; new missions may differ from "
-                "recorded ones",
+                "%s: %s was %s when the run was recorded, and is now %s; new missions may differ "
+                "from recorded ones",
                 *(folder, name, before, now),
             )
     typed = manifest.get(layout.OVERRIDES, ())

@@ -232,11 +232,11 @@ def list_other_versions(
     ):
         before, now = recorded.get("packages", {}).get(name), circumstances.find_version(name)
         if before != now:
-            yield name, before or "(not installed)", now or "not installed"
+            yield name, before or "not installed", now or "not installed"
     programs = recorded.get("programs", {})
     for name, version in _library_versions(experiment).items():
         if programs.get(name) != version:
-            yield name, programs.get(name) or "(not recorded)", version
+            yield name, programs.get(name) or "of unknown version", version
 
 
 def _modules(values: Any) -> set[str]:
