@@ -175,7 +175,7 @@ def _describe_control(row: Mapping[Any, Any], label: str) -> str:
     )
     if not champion:
         return f"{text}; the champion completes none, so the comparison is inconclusive"
-    if row["control_fitness"] == row["champion_fitness"]:
+    if control == champion and row["control_fitness"] == row["champion_fitness"]:
         return f"{text}; the scores are equal, so the control is probably the champion itself"
     if high < 0:
         return f"{text}; the control is better"

@@ -280,7 +280,8 @@ def build_job(config_dir: str | None, job: Job) -> Session | None:
     typed = [text for text in job.overrides if text.startswith(free)]
     session = reopen_run(job.config, job.folder, typed, config_dir)
     if session is None and job.config.values.get("controls") and not has_controls(job.folder):
-        return open_run(job.folder, typed, config_dir)
+        added = [text for text in typed if not text.startswith("stop_after")]  # no search goes on
+        return open_run(job.folder, added, config_dir)
     return session
 
 

@@ -27,6 +27,7 @@ CASTER_MASS_KG = 0.01  # mass [kg] of a caster that is split off or added
 CLEARANCE_M = 0.02  # height [m] above ground at which a shape is cut to split off a sliding part
 _MAX_DEPTH_M = 0.02  # maximum depth [m] below the ground at which a shape is raised instead of cut
 _ASSUMED_RADIUS_M = 0.01
+_SHORT_M = 1e-3, 0.1  # range of gaps [m] below a caster that is too short; more is no caster
 
 
 class Casters(NamedTuple):
@@ -186,6 +187,7 @@ def _find_short(urdf: Urdf, places: Sequence[tuple[float, float, float]]) -> str
         for x, y, z in _list_bottoms(urdf, link)
         for there, side, low in places
         if math.hypot(x - there, y - side) < _ASSUMED_RADIUS_M and link != urdf.root
+        if _SHORT_M[0] < z - low < _SHORT_M[1]
     }
     return "".join(f" ({text} mm; correct the <collision> of either)" for text in sorted(short))
 

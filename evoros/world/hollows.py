@@ -26,6 +26,7 @@ def fill_hollow(bodies: Sequence[Body], point: Array, height_m: float) -> list[F
     for body in bodies:
         low, high = body.boxes[:, 0].min(axis=0), body.boxes[:, 1].max(axis=0)
         inside = (low[:2] < point).all() and (point < high[:2]).all()
+        inside = inside and bool(np.isfinite([low, high]).all())  # a plane encloses nothing
         if inside and high[2] > height_m and body.mass is None and len(body.shapes) > 1:
             space = _find_enclosure(body, low[:2], high[:2], point, height_m)
             places = space.centres()

@@ -170,3 +170,6 @@ def test_a_control_decides_little_only_if_its_interval_shows_it(
     if champion:
         (line,) = describe_controls(pd.DataFrame([row | {"control_fitness": 1.1}]), "fitness")
         assert line.endswith("probably the champion itself")
+        other = row | {"control_fitness": 1.1, "control_completed": champion / 2}
+        (line,) = describe_controls(pd.DataFrame([other]), "fitness")
+        assert line.endswith(said)  # other missions were completed, so it is another design
