@@ -31,6 +31,7 @@ from evoros.drive.evidence import (
     PUSHING_PLUGIN,
     find_bogies,
     find_diagonal,
+    find_dragged,
     find_rollers,
     name_sideways_plugin,
     read_kind,
@@ -326,20 +327,12 @@ def _tell(urdf: Urdf, chosen: protocol.DriveDescription, wheels: Sequence[Candid
     slippery = [wheel.joint.name for wheel in wheels if slides(urdf, wheel.joint)]
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
     bogies = find_bogies(urdf, wheels)
-    free = [
-        wheel
-        for wheel in (find_candidates(urdf) if chosen.on_one_axle else ())
-        if wheel.turns and wheel.steering is None and wheel.joint.name not in chosen.wheel_joints
-    ]
-    dragged = [
-        wheel.joint.name
-        for wheel in chain.from_iterable(pair_up(free))
-        if not slides(urdf, wheel.joint)
-    ]
-    keys = _name_wheels(pair_up([*wheels, *free])) if dragged else ""
+    pairs = pair_up(find_dragged(urdf, chosen.wheel_joints)) if chosen.on_one_axle else []
+    dragged = [*chain.from_iterable(pairs)]
+    keys = _name_wheels(pair_up([*wheels, *dragged])) if dragged else ""
     notes = {
         f"in evoros, these wheels slide without friction, although they cannot swivel; to drive "
-        f"them as well, type {keys}": dragged,
+        f"them as well, type {keys}": [wheel.joint.name for wheel in dragged],
         "friction of these wheels is rotated by 45 deg in Gazebo (<fdir1>), as for mecanum "
         "wheels, but evoros treats them as plain wheels; set robot.drive if the wheels have "
         "rollers": diagonal,

@@ -2,13 +2,13 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import Array, length, product
-from evoros.drive.candidates import NEARLY_ALIGNED, TURNING
+from evoros.drive.candidates import NEARLY_ALIGNED, TURNING, find_candidates
 from evoros.drive.protocol import LEFT
 from evoros.drive.rolling import Candidate
 from evoros.formats.urdf.parts import Joint
@@ -83,6 +83,16 @@ def _is_diagonal(urdf: Urdf, link: str, joint: Joint) -> bool:
 def slides(urdf: Urdf, joint: Joint) -> bool:
     """Return True if a wheel is frictionless in Gazebo."""
     return not urdf.slippery.isdisjoint(urdf.rigid_group(joint.child))
+
+
+def find_dragged(urdf: Urdf, driven: Collection[str]) -> list[Candidate]:
+    """Find unsteered wheels that grip in Gazebo, without the wheels on the joints ``driven``."""
+    return [
+        wheel
+        for wheel in find_candidates(urdf)
+        if wheel.turns and wheel.steering is None and not slides(urdf, wheel.joint)
+        if wheel.joint.name not in driven
+    ]
 
 
 def name_sideways_plugin(plugins: Sequence[Plugin]) -> str:
