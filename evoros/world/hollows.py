@@ -45,8 +45,9 @@ def _find_enclosure(
     cell = max(CELL_M, float((high - low).max()) / _MOST_CELLS)
     areas = project_bodies([body], height_m)
     space = FreeSpace.within(low - 2 * cell, high + 2 * cell, areas, cell, cell_m=cell)
-    column, row = np.floor((point - space.low) / cell).astype(int)
-    labels = label_regions(space.free)
+    labels, places = label_regions(space.free), np.argwhere(space.free)
+    offsets = places - np.floor((point - space.low) / cell)[::-1]  # rows, columns
+    row, column = places[(offsets**2).sum(axis=1).argmin()]  # coarse cells block more than walls
     region = space.free & (labels == labels[row, column])
     whole = scipy.ndimage.binary_fill_holes(region)
     is_closed = not (region[0, 0] or (whole & ~region).any())

@@ -32,6 +32,18 @@ def test_the_inside_of_a_closed_shell_is_filled() -> None:
     assert min(distances(area, outside).min() for area in areas) > 0.0
 
 
+@pytest.mark.parametrize("y", [-19.2, 18.0, 19.2])
+def test_a_point_beside_the_wall_of_a_long_shell_is_inside(y: float) -> None:
+    """The grid of a long solid is so coarse that cells beside its walls are blocked."""
+    walls = (_wall(0, 20, 300, 1), _wall(0, -20, 300, 1), _wall(150, 0, 1, 41))
+    roof = Shape("box", (301.0, 41.0, 0.1), Pose((0.0, 0.0, 2.0)))
+    shell = Body("dam", Pose((0.0, 0.0, 0.0)), (*walls, _wall(-150, 0, 1, 41), roof))
+    point = np.array([0.0, y])
+    areas = fill_hollow([shell], point, HEIGHT_M)
+    assert min(distances(area, point[None])[0] for area in areas) < 1.5
+    assert not fill_hollow([shell], np.array([0.0, 60.0]), HEIGHT_M)
+
+
 @pytest.mark.parametrize(
     "bodies",
     [
