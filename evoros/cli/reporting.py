@@ -91,7 +91,7 @@ def explain_end(
         message, status = interrupts.explain()
         if read_json(folder / STATUS).get("state") == FINISHED:
             message += " while drawing figures; the run itself is finished"
-            hint = f"; to draw them, type: {resume_command(folder, config_dir)}" if hint else ""
+            hint = f"; to draw them, type: {resume}" if hint else ""
         return JobResult(status, message + hint)
     log = folder / LOG
     shown = f" (traceback in {log})" if exists(log) else ""
