@@ -1,7 +1,11 @@
 """Missions among walkers, and where these were."""
 
-import pandas as pd
+from pathlib import Path
 
+import pandas as pd
+from helpers import finished_run
+
+from evoros.analysis.tables.records import Record, read_record
 from evoros.base.arrays import Array
 
 WORLDS = ("near", "far")
@@ -15,6 +19,10 @@ PEOPLE = (
     "optimizer.generations=1",
 )
 """A mission has one to four walkers, so that some of the columns can be empty."""
+
+
+def read_people(folder: Path) -> Record:
+    return read_record(finished_run(folder / "run", *PEOPLE), "run")
 
 
 def find_places(flown: pd.DataFrame) -> dict[str, Array]:

@@ -1,25 +1,18 @@
 """The player of the report shows every walker where it was in the mission."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import finished_run
-from recorded_walkers import PEOPLE, RADIUS_M, WORLDS, find_places
+from recorded_walkers import RADIUS_M, WORLDS, find_places, read_people
 
 from evoros.analysis.report.playback import encode_playback
-from evoros.analysis.tables.records import Record, read_record
+from evoros.analysis.tables.records import Record
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return finished_run(tmp_path_factory.mktemp("walkers") / "run", *PEOPLE)
-
-
-@pytest.fixture(scope="module")
-def record(run: Path) -> Record:
-    return read_record(run, "run")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    return read_people(tmp_path_factory.mktemp("walkers"))
 
 
 @pytest.mark.parametrize("world", WORLDS)

@@ -5,15 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import finished_run
-from two_robots import HOME, TWO, draw
+from two_robots import HOME, draw, load_two
 
 from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.report.playback import encode_playback
 from evoros.analysis.tables.agents import list_robots, read_tracks, select_agent
 from evoros.analysis.tables.champions import read_champion_sensors
 from evoros.analysis.tables.designs import read_initial_sensors
-from evoros.analysis.tables.loading import load_study
 from evoros.analysis.tables.readings import group_ranges
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study
@@ -25,8 +23,7 @@ from evoros.storage.tables import AGENT
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    """A run in which the second robot has a design of its own."""
-    return load_study([finished_run(tmp_path_factory.mktemp("two") / "run", *TWO)])
+    return load_two(tmp_path_factory.mktemp("two"))
 
 
 @pytest.fixture(scope="module")

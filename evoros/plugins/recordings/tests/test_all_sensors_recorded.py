@@ -34,12 +34,6 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
 
 
 @pytest.fixture(scope="module")
-def trajectory(record: Record) -> pd.DataFrame:
-    table: pd.DataFrame = record.run.trajectory("near")
-    return table
-
-
-@pytest.fixture(scope="module")
 def bags(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("bags")
     for kind in ("mcap", "ros1"):
@@ -82,7 +76,8 @@ def vector(values: Mapping[str, float]) -> list[float]:
     return [values[axis] for axis in AXES]
 
 
-def test_a_bag_has_the_readings_of_all_sensors(bags: Path, trajectory: pd.DataFrame) -> None:
+def test_a_bag_has_the_readings_of_all_sensors(bags: Path, record: Record) -> None:
+    trajectory = record.run.trajectory("near")
     messages = read_mcap(bags / "bag_near" / "bag_near.mcap")
     for sensor in BUMPERS:
         told = [message["data"] for message in on(f"/bumper_{sensor}", messages)]
@@ -123,8 +118,9 @@ def test_a_bag_of_ros_1_has_the_same_readings(bags: Path) -> None:
 
 
 def test_a_video_tells_bumpers_that_are_closed_and_all_sensors_that_failed(
-    record: Record, trajectory: pd.DataFrame
+    record: Record,
 ) -> None:
+    trajectory = record.run.trajectory("near")
     mission = replace(read_champion_mission(record, "near"), near_m=0.5)
     robot = read_tree(parse(mission.urdf.encode(), "r"), "r")
     times, rows = trajectory["time_s"].to_numpy(float), np.arange(len(trajectory))

@@ -5,32 +5,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bag_readers import read_mcap
-from helpers import finished_run
 from rerun.chunk import RrdReader
-from two_robots import HOME, TWO, draw
+from two_robots import HOME, draw, load_two
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.agents import list_robots
-from evoros.analysis.tables.loading import load_study
-from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    """A run in which the second robot has a design of its own."""
-    return load_study([finished_run(tmp_path_factory.mktemp("two") / "run", *TWO)])
-
-
-@pytest.fixture(scope="module")
-def record(study: Study) -> Record:
-    return study.records[0]
+    return load_two(tmp_path_factory.mktemp("two"))
 
 
 def test_a_bag_has_all_robots_in_namespaces_and_frames_of_their_own(
-    study: Study, record: Record, tmp_path: Path
+    study: Study, tmp_path: Path
 ) -> None:
     """The agent drives, reads and aims as its columns do."""
+    (record,) = study.records
     product = draw(study, "bag", "--world", "near")
     for name, content in product.files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

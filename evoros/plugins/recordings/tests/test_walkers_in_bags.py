@@ -1,38 +1,30 @@
 """Bags show every walker where it was in the mission."""
 
-from pathlib import Path
-
 import pandas as pd
 import pytest
 from bag_readers import ReadMessage, read_mcap
-from helpers import finished_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded_walkers import HEIGHT_M, PEOPLE, RADIUS_M, WORLDS, find_places
+from recorded_walkers import HEIGHT_M, RADIUS_M, WORLDS, find_places, read_people
 
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.readings import list_walkers
-from evoros.analysis.tables.records import Record, read_record
+from evoros.analysis.tables.records import Record
 from evoros.plugins.recordings.bags.messages import CYLINDER, mark_walker
 from evoros.terminal.console import DONE
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return finished_run(tmp_path_factory.mktemp("walkers") / "run", *PEOPLE)
+def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    return read_people(tmp_path_factory.mktemp("walkers"))
 
 
 @pytest.fixture(scope="module")
-def record(run: Path) -> Record:
-    return read_record(run, "run")
-
-
-@pytest.fixture(scope="module")
-def bags(run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[ReadMessage]]:
+def bags(record: Record, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[ReadMessage]]:
     output = tmp_path_factory.mktemp("bags")
     for world in WORLDS:
-        given = ["bag", str(run), "--world", world, "--format", "mcap", "--output", str(output)]
-        assert evoros_analyze(given) == DONE
+        given = ["bag", str(record.path), "--world", world, "--format", "mcap"]
+        assert evoros_analyze([*given, "--output", str(output)]) == DONE
     return {world: read_mcap(output / f"bag_{world}" / f"bag_{world}.mcap") for world in WORLDS}
 
 
