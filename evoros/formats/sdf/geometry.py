@@ -202,8 +202,42 @@ def divide_meshes(
     effort = reading.options.mesh_effort
     reach = math.inf if course is None else REACH_M * max(effort, 1.0)
     points = np.zeros((1, 2)) if course is None else course
+    uses = _list_uses(placed, points, reach, reading)
+    left = effort * _MINUTE
+    for index, (use, mesh, (is_far, _, distance, _), count) in enumerate(uses, 1):
+        # Halve the work until it is within the limit, because parts are cached for each amount.
+        limits = (effort * _MOST_WORK / 2**i for i in range(7))
+        wanted, work = 10 * effort, next((limit for limit in limits if limit <= left), 0.0)
+        remark = "the mesh is divided coarsely to save time"
+        if is_far:
+            wanted, work = max(wanted, math.ceil(distance / REACH_M)), 0.0
+            remark = (
+                f"the mesh is divided coarsely, because it is more than {reach:g} m from the course"
+            )
+        text = f"dividing {use.path.name} into convex parts, mesh {index} of {len(uses)}"
+        with suppress(InputError), announce(text):
+            parts = _read_parts(mesh, use, work, count)
+            left -= parts.work
+            reading.meshes[use] = parts.shapes
+            for note in parts.remarks:
+                reading.notes.add_file(use.path, note)
+            if parts.is_cut_short:
+                more = f"world.NAME.mesh_effort={wanted:g} makes finer parts, but takes longer"
+                reading.notes.add_file(use.path, f"{remark}; {more}")
+            if parts.is_cut_short and is_far:
+                reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in parts.shapes)
+
+
+Place = tuple[bool, bool, float, float]
+"""The order of a mesh: out of reach last, high later, then by distance and height [m]."""
+
+
+def _list_uses(
+    placed: Iterable[tuple[Element, Pose]], points: Array, reach: float, reading: Reading
+) -> list[tuple[MeshFile, Element, Place, int]]:
+    """List each mesh once, with its nearest place and its number of uses, nearest first."""
     boxes: dict[MeshFile, Array] = {}
-    places: dict[MeshFile, tuple[bool, bool, float, float]] = {}
+    places: dict[MeshFile, Place] = {}
     uses: Counter[MeshFile] = Counter()
     elements: dict[MeshFile, Element] = {}
     for mesh, pose in placed:
@@ -217,36 +251,11 @@ def divide_meshes(
             place = _measure_place(boxes[use], pose, points, reach)
             uses[use] += 1
             elements[use], places[use] = mesh, min(place, places.get(use, place))
-    left = effort * _MINUTE
-    for index, use in enumerate(sorted(places, key=places.__getitem__), 1):
-        is_far, _, distance, _ = places[use]
-        # Halve the work until it is within the limit, because parts are cached for each amount.
-        limits = (effort * _MOST_WORK / 2**i for i in range(7))
-        wanted, work = 10 * effort, next((limit for limit in limits if limit <= left), 0.0)
-        remark = "the mesh is divided coarsely to save time"
-        if is_far:
-            wanted, work = max(wanted, math.ceil(distance / REACH_M)), 0.0
-            remark = (
-                f"the mesh is divided coarsely, because it is more than {reach:g} m from the course"
-            )
-        text = f"dividing {use.path.name} into convex parts, mesh {index} of {len(places)}"
-        with suppress(InputError), announce(text):
-            parts = _read_parts(elements[use], use, work, uses[use])
-            left -= parts.work
-            reading.meshes[use] = parts.shapes
-            for note in parts.remarks:
-                reading.notes.add_file(use.path, note)
-            if parts.is_cut_short:
-                more = f"world.NAME.mesh_effort={wanted:g} makes finer parts, but takes longer"
-                reading.notes.add_file(use.path, f"{remark}; {more}")
-            if parts.is_cut_short and is_far:
-                reading.meshes[use] = tuple(replace(shape, mesh=None) for shape in parts.shapes)
+    ordered = sorted(places, key=places.__getitem__)
+    return [(use, elements[use], places[use], uses[use]) for use in ordered]
 
 
-def _measure_place(
-    corners: Array, pose: Pose, points: Array, reach: float
-) -> tuple[bool, bool, float, float]:
-    """Return whether a mesh is out of reach, whether it is high, its distance and bottom [m]."""
+def _measure_place(corners: Array, pose: Pose, points: Array, reach: float) -> Place:
     corners = placed_corners(corners, pose.rotation, pose.position)
     low, high = corners.min(axis=0), corners.max(axis=0)
     gaps = np.maximum(np.maximum(low[:2] - points, points - high[:2]), 0.0)
